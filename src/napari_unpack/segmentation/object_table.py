@@ -11,8 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
-from napari_unpack.segmentation.common.array_source import Box
-from napari_unpack.segmentation.common.measures import framed
+from napari_unpack.segmentation.common.array_source import Box, face_steps, framed
 from napari_unpack.segmentation.common.region import Oracle, Region
 from napari_unpack.segmentation.common.validation import Spacing, in_common_range
 from napari_unpack.segmentation.confidence.oracle import default_oracle
@@ -74,10 +73,10 @@ class ObjectSums:
             # Framed by a voxel, where the kernel need not ask whether there are neighbours; of one
             # type, so that it is compiled once.
             near = framed(labels, part, 1, np.int32)
-            jumps = (np.array(near.strides)[:, None] // near.itemsize * np.array([-1, 1])).ravel()
             values = np.ascontiguousarray(density[part], np.float64)
             place = np.array([o + s.start for o, s in zip(start, part, strict=True)])
-            _add(near.reshape(-1), values, place, jumps, faces, self.totals, self.area)
+            steps = face_steps(near.shape)
+            _add(near.reshape(-1), values, place, steps, faces, self.totals, self.area)
 
     def table(
         self, spacing: Spacing, confidence: Mapping[int, float] | None = None
@@ -159,12 +158,12 @@ def confidences(
 
 
 @njit(cache=True, nogil=True)
-def _add(labels, density, start, jumps, faces, totals, area):  # type: ignore[no-untyped-def]
+def _add(labels, density, start, steps, faces, totals, area):  # type: ignore[no-untyped-def]
     """Add the voxels of a block, whose labels have a frame and are flat, to their labels' sums."""
     depth, height, width = density.shape
     for z in range(depth):
         for y in range(height):
-            row = (z + 1) * jumps[1] + (y + 1) * jumps[3] + 1
+            row = (z + 1) * steps[1] + (y + 1) * steps[3] + 1
             for x in range(width):
                 label = labels[row + x]
                 if label == 0:
@@ -178,7 +177,7 @@ def _add(labels, density, start, jumps, faces, totals, area):  # type: ignore[no
                 if value == value:
                     sums[4] += value
                 for k in range(6):
-                    if labels[row + x + jumps[k]] != label:
+                    if labels[row + x + steps[k]] != label:
                         area[label] += faces[k]
 
 

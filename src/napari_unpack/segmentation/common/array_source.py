@@ -8,7 +8,7 @@ from threading import Lock
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from napari_unpack.segmentation.common.validation import block_dtype, checked_form
 
@@ -137,3 +137,39 @@ def within(box: Box, outer: Box) -> Box:
     """
     a, b, c = (slice(s.start - o.start, s.stop - o.start) for s, o in zip(box, outer, strict=True))
     return a, b, c
+
+
+def framed(
+    array: NDArray[np.generic], box: Box, by: int, dtype: DTypeLike, beyond: int = 0
+) -> NDArray[Any]:
+    """Return a copy of a box of an array, wider on every side.
+
+    Parameters
+    ----------
+    array : (Z, Y, X) ndarray
+    box : (slice, slice, slice)
+    by : int
+        Voxels on every side.
+    dtype : dtype
+        Of the copy.
+    beyond : int
+        Its value beyond the array.
+    """
+    depth, height, width = array.shape
+    known = grown(box, by, (depth, height, width))
+    out = np.full([s.stop - s.start + 2 * by for s in box], beyond, dtype)
+    pairs = zip(known, box, strict=True)
+    a, b, c = (slice(k.start - s.start + by, k.stop - s.start + by) for k, s in pairs)
+    out[a, b, c] = array[known]
+    return out
+
+
+def strides_of(shape: tuple[int, ...]) -> NDArray[np.int64]:
+    """Return how many places the next voxel along z, y and x is away in a flat array, (3,)."""
+    return np.array([shape[1] * shape[2], shape[2], 1], np.int64)
+
+
+def face_steps(shape: tuple[int, ...]) -> NDArray[np.int64]:
+    """Return the same to both sides, (6,): before and after along z, y and x."""
+    strides = strides_of(shape)
+    return np.stack([-strides, strides], axis=1).reshape(-1)

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from napari_unpack.segmentation.common.array_source import face_steps
 from napari_unpack.tasks import SILENT, VOXELS_PER_CHECK, Share
 
 
@@ -38,9 +39,7 @@ def flood(
     if cost is not None:
         heights[1:-1, 1:-1, 1:-1] = cost
     share(0.1)
-    strides = np.array([shape[1] * shape[2], shape[2], 1], np.int64)
-    steps = np.stack([-strides, strides], axis=1).reshape(-1)
-    flat = labels.reshape(-1), heights.reshape(-1), steps
+    flat = labels.reshape(-1), heights.reshape(-1), face_steps(labels.shape)
     # First-in, first-out lists of the seeds to flood from, one for each height: the first of each,
     # the last, and what comes after each voxel. int32: 2^31 voxels are more than is ever flooded at
     # once, and this is the largest array here.

@@ -4,39 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
-from napari_unpack.segmentation.common.array_source import Box, grown
+from napari_unpack.segmentation.common.array_source import framed, strides_of
 
 # Of histograms for quantiles: which are exact to one bin.
 BINS = 4096
 # Where a voxel lies: outside the volume (0), in it but not in the region, or in the region.
 BEYOND, INSIDE = 1, 2
-
-
-def framed(array: NDArray[np.generic], box: Box, by: int, dtype: DTypeLike) -> NDArray[Any]:
-    """Return a copy of a box of an array, wider on every side, with 0 beyond the array.
-
-    Parameters
-    ----------
-    array : (Z, Y, X) ndarray
-    box : (slice, slice, slice)
-    by : int
-        Voxels on every side.
-    dtype : dtype
-        Of the copy.
-    """
-    shape = array.shape
-    known = grown(box, by, (shape[0], shape[1], shape[2]))
-    out = np.zeros([s.stop - s.start + 2 * by for s in box], dtype)
-    pairs = zip(known, box, strict=True)
-    a, b, c = (slice(k.start - s.start + by, k.stop - s.start + by) for k, s in pairs)
-    out[a, b, c] = array[known]
-    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,10 +67,8 @@ class Neighbourhood:
         kinds = framed(volume, (a, b, c), 2, np.uint8)
         kinds[2:-2, 2:-2, 2:-2][mask] = INSIDE
         voxels = np.flatnonzero(kinds == INSIDE)
-        jumps = np.array(kinds.strides, np.int64)
-        return Neighbourhood(
-            np.ascontiguousarray(mask), voxels, kinds.reshape(-1), density.reshape(-1), jumps
-        )
+        flat = kinds.reshape(-1), density.reshape(-1), strides_of(kinds.shape)
+        return Neighbourhood(np.ascontiguousarray(mask), voxels, *flat)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,46 +127,17 @@ def measure_region(
     values = region.density[region.voxels].astype(np.float32)
     moments, norms = np.zeros(9), np.empty((2, len(values)), np.float32)
     neighbours = np.empty(len(values), np.uint8)
-    inner = _inside(
-        region.mask,
-        region.kinds,
-        region.density,
-        region.jumps,
-        spacing,
-        moments,
-        norms,
-        neighbours,
-    )
+    flat = region.kinds, region.density, region.jumps
+    inner = _inside(region.mask, *flat, spacing, moments, norms, neighbours)
     border = region.voxels[neighbours < 6]
     offsets = np.array(list(product((-1, 0, 1), repeat=3)))
+    ways = offsets @ region.jumps, offsets / spacing, _face_areas(spacing), 0.2 * middle
     edge, weak, near = np.zeros(10), np.zeros(3), np.zeros(1)
     steps = np.empty(6 * len(values) - int(neighbours.sum()), np.float32)
-    count = _boundary(
-        border,
-        region.kinds,
-        region.density,
-        region.jumps,
-        offsets @ region.jumps,
-        offsets / spacing,
-        _face_areas(spacing),
-        0.2 * middle,
-        np.zeros(3),
-        edge,
-        weak,
-        near,
-        steps,
-    )
+    count = _boundary(border, *flat, *ways, np.zeros(3), edge, weak, near, steps)
+    l1, l2 = norms
     return Measurements(
-        values,
-        deep,
-        norms[0],
-        norms[1],
-        moments,
-        edge,
-        weak,
-        steps[:count],
-        float(near[0]),
-        inner,
+        values, deep, l1, l2, moments, edge, weak, steps[:count], float(near[0]), inner
     )
 
 
@@ -368,7 +315,7 @@ def chamfer_depth(
     out = np.zeros([n + 2 for n in mask.shape], np.float32)
     depth = out[1:-1, 1:-1, 1:-1]
     depth[mask] = np.inf
-    _chamfer(out.reshape(-1), steps @ (np.array(out.strides) // out.itemsize), lengths)
+    _chamfer(out.reshape(-1), steps @ strides_of(out.shape), lengths)
     return depth
 
 

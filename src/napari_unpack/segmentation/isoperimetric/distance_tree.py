@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from napari_unpack.segmentation.common.array_source import strides_of
 from napari_unpack.segmentation.common.validation import Spacing
 
 # Depths of a tree's edges are told apart to a quarter of the smallest voxel edge.
@@ -107,7 +108,7 @@ def tree_sweep(
     padded[1:-1, 1:-1, 1:-1][mask] = np.arange(len(where), dtype=np.int32)
     depth = np.rint(distance[mask] * (LEVELS_PER_VOXEL / min(spacing))).astype(np.int32)
     position = np.flatnonzero(padded.reshape(-1) >= 0)
-    strides = np.array([padded.shape[1] * padded.shape[2], padded.shape[2], 1], np.int64)
+    strides = strides_of(padded.shape)
     index = padded.reshape(-1)
     order, parent = _grow(index, position, depth, strides, int(np.argmax(depth)))
     potential = _potential(order, parent, depth, conductance == "distance")

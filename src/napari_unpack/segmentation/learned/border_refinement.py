@@ -15,6 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
+from napari_unpack.segmentation.common.array_source import face_steps, framed
 from napari_unpack.segmentation.common.density_regions import label_means
 from napari_unpack.tasks import SILENT, Share, Slab
 
@@ -70,29 +71,25 @@ class Borders:
 
 def _mark_borders(labels: NDArray[np.int32], found: Borders, slab: Slab) -> None:
     # With a frame that is no label: no voxel has to be asked whether it lies at the volume's end.
-    part = labels[max(slab[0] - 1, 0) : slab[1] + 1]
-    framed = np.full((slab[1] - slab[0] + 2, *(n + 2 for n in labels.shape[1:])), -1, np.int32)
-    first = 1 if slab[0] == 0 else 0
-    framed[first : first + len(part), 1:-1, 1:-1] = part
-    jumps = np.array(framed.strides) // framed.itemsize
-    jumps = np.concatenate([-jumps, jumps])
-    inside, touching = found.inside[slice(*slab)], found.touching[slice(*slab)]
-    _look_around(framed.reshape(-1), jumps, inside, touching)
+    box = slice(*slab), slice(0, labels.shape[1]), slice(0, labels.shape[2])
+    near = framed(labels, box, 1, np.int32, beyond=-1)
+    _look_around(near.reshape(-1), face_steps(near.shape), found.inside[box], found.touching[box])
 
 
 @njit(cache=True, nogil=True)
-def _look_around(labels, jumps, inside, touching):  # type: ignore[no-untyped-def]
+def _look_around(labels, steps, inside, touching):  # type: ignore[no-untyped-def]
+    """Write which voxels of framed, flat labels are inside their object or touch another."""
     depth, height, width = inside.shape
     for z in range(depth):
         for y in range(height):
-            place = (z + 1) * jumps[3] + (y + 1) * jumps[4] + 1
+            place = (z + 1) * steps[1] + (y + 1) * steps[3] + 1
             for x in range(width):
                 here = labels[place + x]
                 if here == 0:
                     continue
                 alone, met = True, False
                 for k in range(6):
-                    other = labels[place + x + jumps[k]]
+                    other = labels[place + x + steps[k]]
                     alone &= other == here or other < 0
                     met |= other != here and other > 0
                 inside[z, y, x] = alone
@@ -219,6 +216,7 @@ def count_votes(labels, following, bar, places, names, counts, votes, faces):  #
 def _tally(  # type: ignore[no-untyped-def]
     labels, inside, values, places, low, high, names, counts, near, itself, found, around
 ):
+    """Do what `tally` says; the windows are from `low` to `high`."""
     for p in range(len(places)):
         z, y, x = places[p, 0], places[p, 1], places[p, 2]
         many, beside = counts[p], 0.0

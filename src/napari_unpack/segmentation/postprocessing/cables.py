@@ -11,7 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
-from napari_unpack.segmentation.common.array_source import grown
+from napari_unpack.segmentation.common.array_source import grown, strides_of
 from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.segmentation.foreground.methods import typical_knee
 from napari_unpack.tasks import SILENT, Share
@@ -181,7 +181,7 @@ def _going_on(
 
 def _offsets(shape: tuple[int, ...], reach: int) -> NDArray[np.int64]:
     """Return how far a cube of (2 reach + 1)^3 voxels reaches in a flat volume, (N,)."""
-    strides = np.array([shape[1] * shape[2], shape[2], 1])
+    strides = strides_of(shape)
     t = np.arange(-reach, reach + 1)
     around: NDArray[np.int64] = (
         strides[0] * t[:, None, None] + strides[1] * t[:, None] + strides[2] * t
