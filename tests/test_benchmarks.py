@@ -105,6 +105,26 @@ def test_every_goal_stands_beside_what_is_reached() -> None:
     assert "| 1 | 0.33 (goal" in markdown(against_goals({"projection": report}, "ours"), "family")
 
 
+def test_coins_that_were_not_found_are_excused_and_nothing_else() -> None:
+    labels = np.repeat([1, 2, 3, 4], 4).reshape(1, 1, -1)
+    kinds = pd.Series(["coin", "coin", "box", "box"], index=[1, 2, 3, 4])
+
+    def reached(*found: list[int]) -> str:
+        report = Report()
+        for n, names in enumerate(found):
+            case = Case(str(n), labels, labels, (1.0, 1.0, 1.0), kinds, kinds)
+            report.add(scored("ours", "ours", case, np.array(names)[labels], 3.0))
+        table = against_goals({"first": report}, "ours")
+        return str(table.loc["Bags of the package's generator", "F1, coins excused"])
+
+    coins_as_one, boxes_as_one, nothing = [0, 1, 1, 3, 4], [0, 1, 2, 3, 3], [0] * 5
+    # Two of three found are right, of the two true ones that are left, or of all four.
+    assert reached(coins_as_one) == "0.80"
+    assert reached(boxes_as_one) == "0.57"
+    assert reached(nothing) == "0.00"
+    assert reached(coins_as_one, boxes_as_one) == "0.69"
+
+
 def test_what_is_to_be_ignored_costs_nothing() -> None:
     truth = np.repeat([1, 0, 0], 4).reshape(1, 1, -1)
     kinds = pd.Series(["box"], index=[1])

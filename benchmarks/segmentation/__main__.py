@@ -110,7 +110,11 @@ def _overview(
 ) -> list[str]:
     reached = {family: report for family, report in whole.items() if report.totals}
     unseen = f"Means of seeds from {first}, by which nothing was chosen, and of what is in files"
-    seen = f"{unseen}: the bags of the public simulator were looked at when choosing."
+    seen = (
+        f"{unseen}: the bags of the public simulator were looked at when choosing. Coins, which "
+        "lie on each other in pouches, need not be found; beside F1 stands what it is if those "
+        "that were not found are left out."
+    )
     goals = markdown(against_goals(reached, ours.OURS), "volumes of")
     parts = ["## Goals", "", seen, "", goals, ""]
     less = ablations({f: r for f, r in ablated.items() if r.totals}, ours.OURS)

@@ -30,6 +30,8 @@ class Family:
         Share of the metal that is to be found.
     least_iou : float, optional
         Every object is to overlap with what it was found as so much.
+    excused : str, optional
+        A kind of object that need not be found.
     """
 
     title: str
@@ -39,12 +41,13 @@ class Family:
     voi: float | None = None
     metal: float | None = None
     least_iou: float | None = None
+    excused: str = ""
 
 
 FAMILIES = {
-    "first": Family("Bags of the package's generator", 20, f1=0.92, voi=0.25),
+    "first": Family("Bags of the package's generator", 20, f1=0.92, voi=0.25, excused="coin"),
     "second": Family("Bags of the second generator", 20, f1=0.92, voi=0.30),
-    "projection": Family("Bags scanned by rays", 20, f1=0.85, voi=0.30, metal=0.7),
+    "projection": Family("Bags scanned by rays", 20, f1=0.85, voi=0.30, metal=0.7, excused="coin"),
     "dense": Family("Bags of a public simulator", 2, compared=0, f1=0.85, voi=0.35),
     "pelvis": Family("Broken pelves", 2, compared=0, least_iou=0.7),
     "cells": Family("Nuclei", 1, f1=0.85),
@@ -72,6 +75,9 @@ def against_goals(reports: dict[str, Report], method: str) -> pd.DataFrame:
         reached = {
             "volumes": len(totals),
             "F1": _beside(totals["f1"].mean(), family.f1),
+            "F1, coins excused": (
+                f"{_excusing(family.excused, totals, each).mean():.2f}" if family.excused else ""
+            ),
             "VOI": _beside(totals["voi"].mean(), family.voi, most=True),
             "lowest F1": _beside(totals["f1"].min(), LEAST_F1 if family.f1 else None),
             "metal found": _beside(metal["detected"].mean(), family.metal) if len(metal) else "",
@@ -80,6 +86,16 @@ def against_goals(reports: dict[str, Report], method: str) -> pd.DataFrame:
         }
         rows[family.title] = reached
     return pd.DataFrame.from_dict(rows, orient="index")
+
+
+def _excusing(kind: str, totals: pd.DataFrame, each: pd.DataFrame) -> pd.Series:
+    """Return the F1 of every volume as if a kind of object that was not found were not there."""
+    matched = each["iou"] > 0.5
+    hits = matched.groupby(each["case"]).sum()
+    missed = (~matched & (each["kind"] == kind)).groupby(each["case"]).sum()
+    f1 = totals.set_index("case")["f1"]
+    # 2 hits / (true + found), from which those that were missed go.
+    return (2 * hits / (2 * hits / f1 - missed)).where(f1 > 0, 0.0)
 
 
 def _beside(value: float, goal: float | None, most: bool = False) -> str:
