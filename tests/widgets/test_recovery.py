@@ -198,7 +198,8 @@ def test_a_script_that_never_closes_its_viewer_ends_as_it_says_and_loses_nothing
         status = other.wait(timeout=60)
         # A minute's work is called off, and no trace of an exception is left.
         assert monotonic() - begun < 20
-        assert (status, other.stdout.read()) == (3, "")
+        said = other.stdout.read()
+        assert (status, said) == (3, ""), said
     finally:
         other.kill()
         other.wait()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import gc
 import os
 import sys
 import threading
@@ -11,8 +12,9 @@ from functools import cache
 from time import monotonic, sleep
 from weakref import WeakMethod
 
+from qtpy import PYQT6
 from qtpy.compat import isalive
-from qtpy.QtCore import QObject
+from qtpy.QtCore import QCoreApplication, QIODevice, QObject, QSettings
 
 # The name that threads of this package begin with.
 OURS = "unpack"
@@ -39,6 +41,7 @@ def end_with_process(end: Callable[[], None]) -> None:
     -----
     A script may end without closing the viewer. Qt then deletes the windows in an order of its
     own, in which what one of ours still hears of finds others gone: that aborts the process.
+    So what Python owns is not deleted any more, but for what writes when it is.
     """
     _ends[:] = [each for each in _ends if each() is not None]
     _ends.append(WeakMethod(end))
@@ -48,6 +51,23 @@ def end_with_process(end: Callable[[], None]) -> None:
 @cache
 def _register() -> None:
     _before_threads_end(_end_all)
+    if PYQT6:
+        # Called before PyQt's, which was registered earlier.
+        atexit.register(_give_to_qt)
+
+
+def _give_to_qt() -> None:
+    # PyQt deletes what Python owns while it walks its table of wrappers. Deleting one frees
+    # wrappers, and calls code that makes new ones: the walk then reads freed memory.
+    from PyQt6 import sip
+
+    left = (QCoreApplication, QSettings, QIODevice)
+    for each in gc.get_objects():
+        # The type, since proxies tell the class of what they stand for, which may be gone.
+        if not issubclass(type(each), QObject) or issubclass(type(each), left):
+            continue
+        if not sip.isdeleted(each) and sip.ispyowned(each):
+            sip.transferto(each, None)  # type: ignore[arg-type]
 
 
 def _before_threads_end(call: Callable[[], None]) -> None:
