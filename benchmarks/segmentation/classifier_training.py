@@ -90,6 +90,7 @@ def fitted(
     fit: Callable[[list[State]], PairClassifier],
     shorten: int = 1,
     workers: int = 1,
+    known: dict[str, list[State]] | None = None,
 ) -> PairClassifier:
     """Measure scans and fit a classifier to them.
 
@@ -104,14 +105,19 @@ def fitted(
         Divides the numbers of scans.
     workers : int
         Processes.
+    known : dict of str to list, optional
+        What was measured already, by family; what is measured here is added.
     """
     states: list[State] = []
+    known = {} if known is None else known
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as processes:
         for some in scans:
-            first = FAMILIES[some.family].first
-            seeds = range(first, first + -(-some.count // shorten))
-            found = list(processes.map(partial(_measured, measure, some.family), seeds))
-            states += found * some.times
+            if some.family not in known:
+                first = FAMILIES[some.family].first
+                seeds = range(first, first + -(-some.count // shorten))
+                found = processes.map(partial(_measured, measure, some.family), seeds)
+                known[some.family] = list(found)
+            states += known[some.family] * some.times
     # Many threads on small matrices wait for one another, and add up in any order.
     with threadpool_limits(1):
         return fit(states)

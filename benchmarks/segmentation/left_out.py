@@ -79,7 +79,13 @@ def without(scans: Sequence[Scans], family: str) -> tuple[Scans, ...]:
     return tuple(some for some in scans if some.family not in ALIKE[family])
 
 
-def trained_without(family: str, folder: Path, shorten: int, workers: int) -> Pair:
+def trained_without(
+    family: str,
+    folder: Path,
+    shorten: int,
+    workers: int,
+    parts_of: dict[str, list[part_merging_training.State]],
+) -> Pair:
     """Return classifiers that saw nothing like a family; those in the folder are read.
 
     Parameters
@@ -92,13 +98,17 @@ def trained_without(family: str, folder: Path, shorten: int, workers: int) -> Pa
         Divides the numbers of scans.
     workers : int
         Processes.
+    parts_of : dict of str to list
+        The parts of scans that were measured for another family, which are the same for each;
+        pieces are not, since they come after the parts that this family's classifier merges.
     """
     folder.mkdir(parents=True, exist_ok=True)
     places = [folder / f"{name}-{family}-{shorten}.npz" for name in ("parts", "pieces")]
     if not places[0].exists():
         training = part_merging_training
         scans = without(training.SCANS, family)
-        fitted(training.measured, scans, training.fit, shorten, workers).save(places[0])
+        classifier = fitted(training.measured, scans, training.fit, shorten, workers, parts_of)
+        classifier.save(places[0])
     parts = PairClassifier.load(places[0], part_merging.FEATURES)
     if not places[1].exists():
         training = part_splitting_training
@@ -132,10 +142,10 @@ def table(folder: Path, count: int, shorten: int, workers: int) -> pd.DataFrame:
     shorten, workers : int
         See `trained_without`.
     """
-    rows = {}
+    rows, parts_of = {}, dict[str, list[part_merging_training.State]]()
     for family in ALIKE:
         shown = {}
-        blind = trained_without(family, folder, shorten, workers)
+        blind = trained_without(family, folder, shorten, workers, parts_of)
         seeds = range(FIRST, FIRST + count)
         with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as processes:
             for name, pair in (("never saw it", blind), ("ships", Pair())):
