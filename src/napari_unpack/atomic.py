@@ -22,6 +22,9 @@ _PREFIX = ".unpack-"
 _OLD = ".before"
 """Ends the name under which a folder stands aside while another takes its place."""
 
+LEFT_BY_SYSTEMS = frozenset({".DS_Store", ".directory", "Thumbs.db", "desktop.ini"})
+"""Files that programs which show folders leave in them."""
+
 # Longer than any save takes: what another machine left in a shared folder is not swept before.
 _STALE_SECONDS = 7 * 86400.0
 
@@ -228,6 +231,18 @@ def folder_written_atomically(path: str | Path, is_ours: Callable[[Path], bool])
     finally:
         # After the rename there is nothing left to remove, which is no error.
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def holds_only(folder: Path, is_ours: Callable[[str], bool]) -> bool:
+    """Tell whether all in a folder is of one kind, but for what file managers leave there.
+
+    Parameters
+    ----------
+    folder : Path
+    is_ours : callable
+        Told a name in it.
+    """
+    return all(is_ours(file.name) or file.name in LEFT_BY_SYSTEMS for file in folder.iterdir())
 
 
 def recover_folder(path: Path) -> None:

@@ -284,3 +284,17 @@ def test_it_is_html_and_cancelling_leaves_no_file(tmp_path: Path) -> None:
         with pytest.raises(Cancelled):
             save_interactive_page(bag(), tmp_path / "a.html", progress=stop, backend="cpu")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_one_of_two_that_left_together_is_hidden_and_the_other_is_shown(tmp_path: Path) -> None:
+    # Two that hook into each other, so that neither leaves alone.
+    labels = np.zeros((8, 10, 10), np.uint8)
+    labels[1:6, 2, 2:5], labels[[1, 5], 2:5, 2:5] = 1, 1
+    labels[3:8, 7, 2:5], labels[[3, 7], 3:8, 2:5] = 2, 2
+    session = nu.Session(labels * np.float32(300), labels)
+    session.direction = "-z"
+    session.unpack(1)
+    assert set(session.poses) == {1, 2}
+    session.hide([2])
+    path = save_interactive_page(session, tmp_path / "a.html", backend="cpu")
+    assert [one["id"] for one in told(path.read_text("utf-8"))["objects"]] == [1]

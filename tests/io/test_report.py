@@ -14,6 +14,7 @@ import pytest
 
 import napari_unpack as nu
 from napari_unpack.io import save_measurements_csv, save_objects_page
+from napari_unpack.io.report import save_objects_csv
 from napari_unpack.session.measurements import SurfacePoint
 from napari_unpack.tasks import Cancelled
 
@@ -186,3 +187,15 @@ def test_long_names_and_notes_wrap_and_the_bag_fills_its_picture(tmp_path: Path)
     picture = iio.imread(base64.b64decode(encoded.split('"')[0]))[..., :3].astype(int)
     rows = (np.abs(picture - picture[2, 2]).max(axis=-1) > 25).any(axis=1).nonzero()[0]
     assert np.ptp(rows) >= 0.7 * len(picture)
+
+
+def test_a_carriage_return_in_a_name_ends_no_row(tmp_path: Path) -> None:
+    labels = np.zeros((4, 4, 8), np.uint8)
+    labels[1:3, 1:3, 1:3], labels[1:3, 1:3, 4:7] = 1, 2
+    session = nu.Session(np.where(labels, 1000, 0).astype(np.uint16), labels)
+    session.rename(1, "left\rright")
+    session.rename(2, "up\r\ndown")
+    path = save_objects_csv(session.objects, tmp_path / "objects.csv")
+    read = pd.read_csv(path, index_col="id")
+    assert list(read.index) == [1, 2]
+    assert list(read["name"]) == ["left\nright", "up\ndown"]

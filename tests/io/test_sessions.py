@@ -22,6 +22,7 @@ from napari_unpack.io.session_archive import holds_session
 from napari_unpack.io.sessions import standing_of
 from napari_unpack.rendering.compose import scene_image
 from napari_unpack.rendering.object_style import ObjectStyle
+from napari_unpack.session.measurements import SurfacePoint
 from tin import tin
 
 SIZE = (72, 96)
@@ -490,3 +491,47 @@ def test_what_was_done_inside_opened_objects_is_saved_with_them(tmp_path: Path) 
     # Saved once more it is still there.
     nu.io.save_session(found, tmp_path / "again.unpack")
     assert nu.io.open_session(tmp_path / "again.unpack").opened_bags.worked_in(found).keys() == {1}
+
+
+def test_tables_of_pandas_own_types_are_saved_and_names_in_them_change(tmp_path: Path) -> None:
+    volume, labels = bag()
+    facts = pd.DataFrame(
+        {
+            "confidence": pd.array([0.5, None, *[0.25] * 7], "Float64"),
+            "name": pd.Categorical(list("abacabaca")),
+            "kind": pd.array(["cup", None, *["book"] * 7], "string"),
+        },
+        index=range(1, 10),
+    )
+    s = nu.Session(volume, labels, objects=facts)
+    s.rename(1, "something new")
+    nu.save_session(s, tmp_path / "a.unpack")
+    back = nu.open_session(tmp_path / "a.unpack").objects
+    assert list(back["name"])[:3] == ["something new", "b", "a"]
+    assert back["confidence"].tolist()[0] == 0.5
+    assert np.isnan(back["confidence"].tolist()[1])
+    assert back["kind"].tolist()[0] == "cup"
+    assert pd.isna(back["kind"].tolist()[1])
+
+
+def test_ids_taken_from_the_labels_are_saved_like_any_other(tmp_path: Path) -> None:
+    volume, labels = bag()
+    s = nu.Session(volume, labels)
+    ids = [s.labels[tuple(np.argwhere(labels == i)[0])] for i in (1, 2)]
+    assert isinstance(ids[0], np.integer)
+    s.force_unpack(ids[0])
+    s.locked_hues = {ids[1]}
+    s.measurements.add([SurfacePoint(ids[0], (1, 2, 3)), SurfacePoint(0, (3, 5, 3))])
+    nu.save_session(s, tmp_path / "a.unpack")
+    back = nu.open_session(tmp_path / "a.unpack")
+    assert set(back.poses) == {1}
+    assert back.locked_hues == {2}
+    assert back.state.measurements[0].points[0].object_id == 1
+
+
+@pytest.mark.parametrize("seconds", [0, -1.0, np.nan, np.inf])
+def test_flights_take_a_time_that_a_file_can_hold(seconds: float) -> None:
+    s = nu.Session(*bag())
+    with pytest.raises(ValueError, match="seconds must be positive and finite"):
+        s.seconds = seconds
+    assert s.seconds > 0

@@ -193,3 +193,18 @@ def test_without_trimesh_one_sentence_says_what_to_install(
     with pytest.raises(ImportError, match=r"writing surfaces needs trimesh.*pip install trimesh"):
         save_surfaces(session, tmp_path / "bag.stl")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_objects_of_one_name_are_all_in_the_scene_and_long_names_are_cut(tmp_path: Path) -> None:
+    labels = np.zeros((8, 6, 14), np.uint8)
+    for i in range(3):
+        labels[2:6, 1:5, 1 + 4 * i : 4 + 4 * i] = i + 1
+    session = nu.Session(np.where(labels, 1000, 0).astype(np.uint16), labels)
+    for i in session.ids:
+        session.rename(i, "shoe, part")
+    scene = trimesh.load(save_surfaces(session, tmp_path / "a.glb"))
+    assert len(scene.graph.nodes_geometry) == len(scene.geometry) == 3
+    session.rename(1, "箱" * 100)
+    files = sorted(save_surfaces(session, tmp_path / "prints").iterdir())
+    assert [file.name[:4] for file in files] == ["001 ", "002 ", "003 "]
+    assert max(len(file.name.encode()) for file in files) <= 255

@@ -102,3 +102,11 @@ def test_reveal_says_what_is_wrong():
         session.reveal_plan(1)
     with pytest.raises(ValueError, match="direction must be one of"):
         session.reveal(3, "sideways")
+
+
+def test_where_the_voxels_want_more_than_was_proposed_the_next_best_is_looked_along() -> None:
+    # A survey of rays takes the way past the wall's foot for free along a diagonal; it is not.
+    labels = np.zeros((3, 3, 7), np.uint8)
+    labels[2, 2, 4], labels[:, 2, 3] = 1, 2
+    session = Session(labels * np.float32(100), labels)
+    assert session.reveal_plan(1).ids == {1}

@@ -6,10 +6,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from napari_unpack.appearance import TransferFunction
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.grow_labels import grow_labels
 from napari_unpack.geometry.view import View
+from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session import ObjectState, Session
+from napari_unpack.session.measurements import SurfacePoint
 from napari_unpack.tasks import no_progress
 
 
@@ -291,3 +294,28 @@ def test_labels_somebody_else_can_write_to_are_not_kept() -> None:
     s.undo()
     assert_consistent(s)
     assert s.ids == (1, 2, 3)
+
+
+def test_what_people_set_goes_along_with_a_repair() -> None:
+    made = session()
+    made.rename(1, "Weight")
+    new = made.split(1, LEFT, RIGHT)
+    names = made.objects["name"]
+    assert sorted(names[i] for i in (1, new)) == ["Weight", "Weight, part"]
+    made.undo()
+
+    made.measurements.add([SurfacePoint(2, (4, 16, 8)), SurfacePoint(3, (4, 16, 40))])
+    made.merge([1, 2])
+    (ruler,) = made.state.measurements
+    assert [p.object_id for p in ruler.points] == [1, 3]
+    made.undo()
+    assert [p.object_id for p in made.state.measurements[0].points] == [2, 3]
+
+
+def test_a_label_that_is_used_anew_has_nothing_of_the_deleted_object() -> None:
+    made = session()
+    made.set_style(2, ObjectStyle(TransferFunction([(0, 0), (900, 0.5)]), None))
+    made.delete(2)
+    assert 2 not in made.state.styles
+    made.undo()
+    assert 2 in made.state.styles

@@ -166,3 +166,11 @@ def test_when_time_is_up_it_says_nothing() -> None:
     assert task.run(no_progress) is None
     with pytest.raises(ValueError, match="objects of this session"):
         queries.next_unpackable_task([999])
+
+
+def test_what_ends_in_one_plane_leaves_in_the_order_of_ids_whatever_sums_leave():
+    labels = np.zeros((4, 5, 8), np.uint8)
+    labels[1, 1:4, 1:3], labels[1, 2:4, 5:7] = 2, 1
+    session = nu.Session(labels * np.float32(100), labels, (0.7, 0.1, 0.33))
+    session.direction = "+y"
+    assert session.unpackable() == (1, 2)

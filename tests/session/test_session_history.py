@@ -3,6 +3,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from bags import session_of, stack_of_plates
 from hypothesis import settings
 from hypothesis import strategies as st
@@ -237,3 +238,18 @@ class RandomCommands(RuleBasedStateMachine):
 
 TestRandomCommands = RandomCommands.TestCase
 TestRandomCommands.settings = settings(max_examples=60, stateful_step_count=30, deadline=None)
+
+
+def test_a_step_that_cannot_be_taken_back_is_still_done():
+    session = session_of(stack_of_plates())
+    session.cutting.box = [[1] * 3, [3] * 3]
+    session.cutting.box = None
+    # As many planes of a script's own leave no room for the box's six.
+    session.clipping = [[[k, 0, 0], [1, 0, 0]] for k in range(3)]
+    done = [step.verb for step in session.history.done]
+    with pytest.raises(ValueError, match="clipping must be"):
+        session.undo()
+    assert [step.verb for step in session.history.done] == done
+    session.clipping = None
+    assert session.undo() == done[-1]
+    assert session.cutting.box is not None

@@ -232,3 +232,16 @@ def test_a_sole_beside_its_shoe_is_no_content_but_food_in_an_open_tin_is() -> No
     # Beside each other things must differ more: a toy car has its axles.
     shoe[:, 18:] = 2600
     assert _opened_or_not(shoe) != _opened_or_not(np.full((32, 32, 32), 850.0))
+
+
+def test_parents_are_told_by_the_ids_that_were_given() -> None:
+    labels = np.zeros((12, 12, 12), np.int64)
+    # A tray is not all around what it holds: the table alone says so.
+    labels[1, 1:11, 1:11] = 2
+    labels[2:4, 3:5, 3:9], labels[10] = 70000, 3
+    parents = pd.DataFrame({"parent": [0, 0, 2]}, index=[2, 3, 70000])
+    session = Session(labels % 97 * np.float32(50), labels, objects=parents)
+    outer, other = (next(i for i in session.ids if session.label_of(i) == n) for n in (2, 3))
+    assert "Object 70000" in set(open_container(session, outer).objects["name"])
+    with pytest.raises(ValueError, match="nothing is inside Object 3"):
+        open_container(session, other)

@@ -150,3 +150,11 @@ def test_few_faces_are_looked_at_closely_however_round_a_thing_is(monkeypatch):
     oriented_box(points, (1.0, 1.0, 1.0))
     assert len(closely) <= 20
     assert max(closely) < 1500
+
+
+@pytest.mark.parametrize("voxels", [(1, 1, 1), (1, 1, 6), (1, 2, 1), (1, 5, 9), (4, 1, 1)])
+@pytest.mark.parametrize("spacing", [(1.0, 1.0, 1.0), (2.0, 1.0, 0.5)])
+def test_the_box_of_a_single_layer_is_as_large_as_its_voxels(voxels, spacing):
+    points = outline(np.ones(voxels, bool), (0, 0, 0), spacing)
+    size = oriented_box(points, spacing).size
+    np.testing.assert_allclose(np.sort(size), np.sort(np.multiply(voxels, spacing)), rtol=1e-6)

@@ -14,7 +14,7 @@ from napari_unpack.unpacking.direction_survey import (
     DIRECTIONS_26,
     DirectionalBlocking,
     best_direction,
-    smallest_reveal_plan,
+    reveal_plans,
 )
 
 UP, DOWN, SIDE = np.array([1.0, 0, 0]), np.array([-1.0, 0, 0]), np.array([0, 1.0, 0])
@@ -63,14 +63,14 @@ def test_nobody_is_free_where_all_hang_together_and_groups_are_to_be_small():
 def test_the_least_unearthing_names_direction_and_objects():
     ids = [1, 2, 3, 4]
     blockings = [blocking(UP, ids, (1, 2), (2, 4), (1, 3)), blocking(SIDE, ids, (3, 4))]
-    found = smallest_reveal_plan(blockings, ids, 4, UP)
+    found = reveal_plans(blockings, ids, 4, UP)[0]
     assert found.ids == {3, 4}
     assert found.first == {3}
     assert found.direction @ SIDE == 1
     # With 1 and 2 gone, both ways want one object more or none: up is free.
-    assert smallest_reveal_plan(blockings, {3, 4}, 4, UP).ids == {4}
+    assert reveal_plans(blockings, {3, 4}, 4, UP)[0].ids == {4}
     with pytest.raises(ValueError, match="packed"):
-        smallest_reveal_plan(blockings, {3}, 4, UP)
+        reveal_plans(blockings, {3}, 4, UP)
 
 
 @settings(max_examples=60, deadline=None)

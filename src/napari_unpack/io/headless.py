@@ -112,7 +112,8 @@ def copy_session(session: Session, packed: bool = True) -> Session:
         # What was hidden stays out of the movie; the rest goes back into the bag.
         hidden = frozenset(i for i, s in session.states.items() if s is ObjectState.HIDDEN)
         steps = (
-            {i: p for i, p in gone.items() if i not in hidden} for gone in go_to(now, 0).undone
+            {i: p.without(hidden) for i, p in gone.items() if i not in hidden}
+            for gone in go_to(now, 0).undone
         )
         now = SessionState(
             now.transfer_function,

@@ -5,6 +5,7 @@ They go into an MP4, a GIF, or a folder of PNG images.
 
 from __future__ import annotations
 
+import re
 import subprocess
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -16,7 +17,7 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.atomic import drafted, folder_written_atomically
+from napari_unpack.atomic import drafted, folder_written_atomically, holds_only
 from napari_unpack.geometry.axes import unit
 from napari_unpack.geometry.camera_glide import CameraGlide
 from napari_unpack.geometry.transforms import Pose, rotation_about
@@ -231,7 +232,7 @@ def _images_writer(folder: Path) -> Callable[[Frame], None]:
 
 
 def _holds_frames(folder: Path) -> bool:
-    return all(p.name.startswith("frame-") and p.suffix == ".png" for p in folder.iterdir())
+    return holds_only(folder, lambda name: bool(re.fullmatch(r"frame-\d{5,}\.png", name)))
 
 
 KINDS = ("unpacking", "turntable")

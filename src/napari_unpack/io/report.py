@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from html import escape
@@ -267,7 +268,9 @@ def save_measurements_csv(session: Session, path: str | Path) -> Path:
 
 
 def _write_csv(table: pd.DataFrame, path: Path, index: str) -> None:
-    # Six digits are more than any measure has; one line end on every system.
+    # Six digits are more than any measure has; one line end on every system, in texts too, since a
+    # lone carriage return is not quoted and ends the row for whoever reads it.
+    table = table.map(lambda v: re.sub("\r\n?", "\n", v) if isinstance(v, str) else v)
     table.to_csv(path, index_label=index, float_format="%.6g", lineterminator="\n")
 
 

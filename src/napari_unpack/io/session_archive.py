@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.atomic import (
     folder_written_atomically,
+    holds_only,
     recover_folder,
     written_atomically,
 )
@@ -280,8 +281,13 @@ def opened_for_writing(path: Path) -> Iterator[Sink]:
             f"{path} is there and is no session: choose another name, or one that ends in "
             f"{' or '.join(ZIP_SUFFIXES)} for a single file"
         )
-    with folder_written_atomically(path, lambda folder: (folder / MANIFEST).exists()) as temporary:
+    with folder_written_atomically(path, _is_session) as temporary:
         yield _FolderSink(temporary)
+
+
+def _is_session(folder: Path) -> bool:
+    # What a person put beside it would go with the old one.
+    return (folder / MANIFEST).exists() and holds_only(folder, MEMBERS.__contains__)
 
 
 @contextmanager

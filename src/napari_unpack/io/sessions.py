@@ -376,6 +376,11 @@ def _reference(file: Path, target: Path, name: str, facts: ArrayFacts) -> str:
     """Return how a session refers to a file, which must hold the array."""
     # Read back at once: a reference to another volume would be found only on opening.
     file = file.expanduser()
+    if file.resolve().is_relative_to(target.resolve()):
+        raise ValueError(
+            f"the {name} is in {file}, which saving to {target} would replace: choose another "
+            "name for the session, or copy=True to put the arrays in"
+        )
     array = _loaded(file, name, large=True)
     facts.check(array.astype(facts.dtype, copy=False), f"the {name} in {file}")
     home, real = target.absolute().parent.resolve(), file.resolve()

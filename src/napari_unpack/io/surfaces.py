@@ -13,7 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import gaussian_filter
 
-from napari_unpack.atomic import check_writable, folder_written_atomically, written_atomically
+from napari_unpack.atomic import (
+    check_writable,
+    folder_written_atomically,
+    holds_only,
+    written_atomically,
+)
 from napari_unpack.geometry.axes import Matrix, transform_points
 from napari_unpack.io.optional import needed
 from napari_unpack.tasks import SILENT, Progress, Share, attended, no_progress, relayed
@@ -61,6 +66,9 @@ SCANNER_FROM_SCAN = np.array(
 
 # glTF counts in metres.
 METRES_PER_MM = 0.001
+
+# Systems allow 255 for a file's name; it has a number before and a suffix behind.
+MOST_NAME_BYTES = 200
 
 
 def checked_surfaces_path(path: str | Path) -> Path:
@@ -125,7 +133,8 @@ def save_surfaces(
             folder = stack.enter_context(folder_written_atomically(target, _holds_surfaces))
             for k, (name, mesh) in enumerate(meshes):
                 safe = re.sub(r"[^\w .()-]+", "_", name).strip(" .")
-                (folder / f"{wanted[k]:03d} {safe}.stl").write_bytes(_exported(mesh, "stl"))
+                short = safe.encode()[:MOST_NAME_BYTES].decode(errors="ignore")
+                (folder / f"{wanted[k]:03d} {short}.stl").write_bytes(_exported(mesh, "stl"))
         else:
             temporary = stack.enter_context(written_atomically(target))
             told, kind = Share(report, 1.0, 1.0, "Writing surfaces"), target.suffix.lower()[1:]
@@ -313,7 +322,12 @@ def _together(meshes: list[tuple[str, trimesh.Trimesh]], kind: str) -> bytes:
     scene = trimesh.Scene()
     for name, mesh in meshes:
         mesh.apply_scale(METRES_PER_MM)
-        scene.add_geometry(mesh, node_name=name, geom_name=name)
+        own, count = name, 1
+        # Of two nodes of one name the scene would keep one.
+        while own in scene.geometry:
+            count += 1
+            own = f"{name} ({count})"
+        scene.add_geometry(mesh, node_name=own, geom_name=own)
     return _exported(scene, kind)
 
 
@@ -323,4 +337,4 @@ def _exported(mesh: Any, kind: str) -> bytes:
 
 
 def _holds_surfaces(folder: Path) -> bool:
-    return all(file.suffix == ".stl" for file in folder.iterdir())
+    return holds_only(folder, lambda name: bool(re.fullmatch(r"\d{3,} .*\.stl", name)))

@@ -11,7 +11,8 @@ import numpy as np
 from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.rendering.object_style import ObjectStyle
-from napari_unpack.session.labels import Edit
+from napari_unpack.session.labels import Edit, heir_of, origin_of
+from napari_unpack.session.measurements import Measurement
 from napari_unpack.session.occlusion import NextUnpackable, OcclusionResult
 from napari_unpack.session.state import Group, Placement, SessionState
 from napari_unpack.unpacking import Queue
@@ -324,13 +325,17 @@ def edit_labels(
     new_hues : mapping of int to float
         Of those that were not there before.
     """
+    origins = {i: origin_of(edit.change, i) for i in new_hues}
+    parts = {i: f"{state.names[o]}, part" for i, o in origins.items() if o in state.names}
     return replace(
         _left(state, edit.change.touched),
         hues=_of_known(state.hues, known) | dict(new_hues),
-        names=_of_known(state.names, known),
+        names=_of_known(state.names, known) | parts,
+        measurements=tuple(_followed(m, edit, known) for m in state.measurements),
         colors=_of_known(state.colors, known),
         notes=_of_known(state.notes, known),
         flags=_of_known(state.flags, known),
+        styles=_of_known(state.styles, known),
         hidden=state.hidden & known,
         examples=state.examples & known,
         # Other objects may block each other now.
@@ -338,6 +343,21 @@ def edit_labels(
         undone=(),
         labels_edit=edit,
     )
+
+
+def _followed(measurement: Measurement, edit: Edit, known: frozenset[int]) -> Measurement:
+    """Have points of an object that was merged into another go along with that."""
+    heirs = {
+        p.object_id: heir_of(edit.change, p.object_id)
+        for p in measurement.points
+        if p.object_id and p.object_id not in known
+    }
+    if not any(heirs.values()):
+        return measurement
+    points = (
+        replace(p, object_id=heirs.get(p.object_id) or p.object_id) for p in measurement.points
+    )
+    return replace(measurement, points=tuple(points))
 
 
 def _of_known(values: Mapping[int, T], known: frozenset[int]) -> dict[int, T]:

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from napari_unpack.geometry.axes import Matrix
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from napari_unpack.session.labels import Edit
     from napari_unpack.session.session import Session
 
@@ -144,7 +142,7 @@ def _contents(
     """Return labels, mask of the object with what is in it, volume, and the objects it is of."""
     window = session.boxes.slices(object_id, margin=2)
     labels = np.asarray(session.labels[window])
-    family = _family(session.objects, object_id) | surrounded(labels, object_id)
+    family = _family(session, object_id) | surrounded(labels, object_id)
     return labels, np.isin(labels, list(family)), np.asarray(session.volume[window]), family
 
 
@@ -291,12 +289,13 @@ def _are_things(volume: NDArray[Any], parts: NDArray[np.uint16]) -> bool:
     return bool(_shell(parts * within, list(density), ENCLOSED))
 
 
-def _family(objects: pd.DataFrame, object_id: int) -> set[int]:
-    """Return an object and all that lies in it, by the column `parent`."""
-    family = {object_id}
+def _family(session: Session, object_id: int) -> set[int]:
+    """Return an object and all that lies in it, by the column `parent`, of IDs as given."""
+    family, objects = {object_id}, session.objects
     if "parent" in objects:
         while True:
-            grown = family | {int(i) for i in objects.index[objects["parent"].isin(family)]}
+            inside = objects["parent"].isin([session.label_of(i) for i in family])
+            grown = family | {int(i) for i in objects.index[inside]}
             if grown == family:
                 break
             family = grown
@@ -326,6 +325,7 @@ class OpenedBags:
         ValueError
             If the object is of one piece.
         """
+        object_id = int(object_id)
         known = self._known(session).get(object_id)
         if known is None:
             known = open_container(session, object_id, rotation)

@@ -19,7 +19,7 @@ from napari_unpack.unpacking.direction_survey import (
     DIRECTIONS_26,
     DirectionalBlocking,
     RevealPlan,
-    smallest_reveal_plan,
+    reveal_plans,
 )
 
 # Rays along one side of a survey's picture: it only proposes, and what leaves is asked anew at
@@ -121,6 +121,11 @@ def find_survey(
     return DirectionSurvey(tuple(found), perf_counter() - start)
 
 
+# Each takes as long as a question of who blocks whom.
+MOST_PROPOSALS = 4
+"""Directions of the survey that are looked along for a buried object."""
+
+
 @dataclass(frozen=True)
 class RevealKey:
     """What the plan that frees a buried object depends on.
@@ -146,7 +151,7 @@ class RevealResult:
     plan : RevealPlan
         What must leave along which direction, as the voxels say.
     learnt : tuple of (key, result)
-        The survey, and the occlusion along D and along the best direction.
+        The survey, and the occlusion along D and along the directions that it proposed.
     """
 
     plan: RevealPlan
@@ -177,16 +182,22 @@ def find_reveal_plan(
     # Too many objects for tables: nothing can be proposed.
     if not survey[1].directions:
         raise NoTableError.of(len(packed))
-    # The survey is coarse and only proposes; the voxels decide, along D and along its best.
-    best = smallest_reveal_plan(survey[1].directions, packed, target, near)
-    plans, learnt = [], []
-    for direction in (near, best.direction):
-        occlusion = along(direction)
+    # The survey is coarse and only proposes; the voxels decide, along D and along its best. Where
+    # they want more of it than it said, the next best may be better.
+    proposed = reveal_plans(survey[1].directions, packed, target, near)
+    least: RevealPlan | None = None
+    learnt: list[tuple[OcclusionKey, OcclusionResult]] = []
+    for said in (replace(proposed[0], direction=near), *proposed[:MOST_PROPOSALS]):
+        if len(learnt) > 1 and least is not None and len(said.ids) >= len(least.ids):
+            break
+        occlusion = along(said.direction)
         blocking = occlusion[1].blocking
         if blocking is None:
             raise NoTableError.of(len(packed))
-        ids = frozenset(blocking.among(packed).needed(target))
-        plans.append(replace(best, direction=direction, ids=ids))
+        plan = replace(said, ids=frozenset(blocking.among(packed).needed(target)))
         learnt.append(occlusion)
-    # Ties go to D, which stands first.
-    return RevealResult(min(plans, key=lambda plan: len(plan.ids)), (survey, *learnt))
+        # Ties go to D, which is looked along first.
+        if least is None or len(plan.ids) < len(least.ids):
+            least = plan
+    assert least is not None
+    return RevealResult(least, (survey, *learnt))

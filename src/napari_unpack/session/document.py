@@ -185,8 +185,13 @@ class Document:
         if found is None:
             self.events.message.emit(f"There is nothing to {way}.")
             return None
-        # An object looked at alone would cover what undo has changed.
-        self.enter(commands.inspect(found[1], None))
+        try:
+            # An object looked at alone would cover what undo has changed.
+            self.enter(commands.inspect(found[1], None))
+        except ValueError:
+            # Refused before anything has changed, such as a plane too many: nor did the step.
+            _ = history.redo(self.state) if way == "undo" else history.undo(self.state)
+            raise
         return found[0].verb
 
     def fill_queue(self) -> tuple[int, ...]:
@@ -238,6 +243,10 @@ class Document:
     def see(self, **changes: Any) -> None:
         """Exchange fields of the view state."""
         self.view_state = replace(self.view_state, **changes)
+
+    def lock(self, ids: Iterable[int]) -> None:
+        """Have recolouring leave the hues of some objects alone, and of no others."""
+        self.see(locked_hues=frozenset(int(i) for i in ids))
 
     def look(self, camera: Camera, view: View) -> None:
         """Take over a camera and the view it stands for.
@@ -369,10 +378,10 @@ class Document:
         ValueError
             If it is not there.
         """
-        if self.one(object_id) not in self.queries.packed:
-            name = listed(self.names([object_id]))
-            raise ValueError(f"{name} is not in the bag: put it back first")
-        return object_id
+        known = self.one(object_id)
+        if known not in self.queries.packed:
+            raise ValueError(f"{listed(self.names([known]))} is not in the bag: put it back first")
+        return known
 
     def outside(self, object_id: int) -> Placement:
         """Return the placement of an unpacked object.

@@ -48,7 +48,16 @@ class FlightControl(Mapping[int, Flight]):
         ----------
         animated, seconds, clock
             See the class; None leaves one as it is.
+
+        Raises
+        ------
+        ValueError
+            If `seconds` is not positive and finite.
         """
+        if seconds is not None and not 0 < seconds < float("inf"):
+            raise ValueError(
+                f"seconds must be positive and finite, got {seconds}; animated=False does without"
+            )
         self.animated = self.animated if animated is None else animated
         self.seconds = self.seconds if seconds is None else seconds
         self.clock = self.clock if clock is None else clock

@@ -78,7 +78,7 @@ def object_table(
         return found
     if not given.index.is_unique:
         raise ValueError("objects must have each ID once in its index")
-    known = given.reindex(known_by).set_index(found.index)
+    known = _plain_columns(given.reindex(known_by).set_index(found.index))
     # Ground truth of simulated bags says kinds and no names.
     if "name" not in known and "kind" in known:
         found["name"] = [
@@ -91,6 +91,24 @@ def object_table(
             found[column] = known[column].where(known[column].notna(), found[column])
     extra = [column for column in known if column not in found]
     return found.join(known[extra])
+
+
+def _plain_columns(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table without types of pandas' own: names change, and files hold plain values."""
+    import pandas as pd
+
+    plain = {}
+    for name in table:
+        column = table[name]
+        if pd.api.types.is_extension_array_dtype(column.dtype):
+            number = pd.api.types.is_numeric_dtype(column.dtype)
+            missing = column.isna()
+            column = column.astype(object).where(~missing, np.nan if number else None)
+            column = (
+                column.astype(np.float64) if number and missing.any() else column.infer_objects()
+            )
+        plain[name] = column
+    return pd.DataFrame(plain, index=table.index)
 
 
 def _measure(
@@ -407,7 +425,7 @@ def _completed(
 
     sources = {}
     for object_id in after.index:
-        source = object_id if object_id in before.index else _origin(change, int(object_id))
+        source = object_id if object_id in before.index else origin_of(change, int(object_id))
         if source in before.index:
             sources[object_id] = source
     for column in facts.columns:
@@ -426,9 +444,30 @@ def _completed(
     return after[facts.columns.tolist()]
 
 
-def _origin(change: LabelEdit, object_id: int) -> int:
-    """Return the object most of a new one's voxels were taken from, 0 for the background."""
-    values, counts = np.unique(change.before[change.after == object_id], return_counts=True)
+def origin_of(change: LabelEdit, object_id: int) -> int:
+    """Return the object most of a new one's voxels were taken from, 0 for the background.
+
+    Parameters
+    ----------
+    change : LabelEdit
+    object_id : int
+    """
+    return _most_often(change.before[change.after == object_id])
+
+
+def heir_of(change: LabelEdit, object_id: int) -> int:
+    """Return the object most of a vanished one's voxels went to, 0 for the background.
+
+    Parameters
+    ----------
+    change : LabelEdit
+    object_id : int
+    """
+    return _most_often(change.after[change.before == object_id])
+
+
+def _most_often(ids: NDArray[np.integer[Any]]) -> int:
+    values, counts = np.unique(ids, return_counts=True)
     return int(values[counts.argmax()]) if len(values) else 0
 
 

@@ -31,6 +31,12 @@ class SurfacePoint:
     object_id: int
     at: tuple[float, float, float]
 
+    def __post_init__(self) -> None:
+        """Keep plain numbers, whatever array they were taken from."""
+        object.__setattr__(self, "object_id", int(self.object_id))
+        z, y, x = (float(v) for v in self.at)
+        object.__setattr__(self, "at", (z, y, x))
+
 
 @dataclass(frozen=True)
 class Measurement:

@@ -232,9 +232,7 @@ class Session:
         lambda s: s._doc.view_state.show_unlabelled, lambda s, v: s._doc.set_unlabelled(bool(v))
     )
     """Whether matter that belongs to no object shows; told as the transfer function."""
-    locked_hues = Setting(
-        lambda s: s._doc.view_state.locked_hues, lambda s, v: s._doc.see(locked_hues=frozenset(v))
-    )
+    locked_hues = Setting(lambda s: s._doc.view_state.locked_hues, lambda s, v: s._doc.lock(v))
     """Objects whose hue recolouring leaves alone."""
     hue_margin = Setting(
         lambda s: s._doc.view_state.hue_margin, lambda s, v: s._doc.see(hue_margin=v)

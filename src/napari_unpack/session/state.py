@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, field, fields, replace
 from typing import Literal, get_args
 
@@ -67,6 +67,10 @@ class Placement:
     placed: Pose | None = None
     within: tuple[float, float] | None = None
     turned_mm: tuple[float, float] | None = None
+
+    def without(self, objects: Set[int]) -> Placement:
+        """Return it as if some objects had not left with it."""
+        return replace(self, group=tuple(i for i in self.group if i not in objects))
 
     def pose(self, slots: Slots, stretch: Matrix) -> Pose:
         """Return its pose in pivot space.

@@ -186,10 +186,10 @@ class RevealPlan:
         return self.ids - {self.target}
 
 
-def smallest_reveal_plan(
+def reveal_plans(
     blockings: Sequence[DirectionalBlocking], packed: Collection[int], target: int, near: Vector
-) -> RevealPlan:
-    """Return the direction along which the fewest must leave for a buried object to leave.
+) -> list[RevealPlan]:
+    """Return what must leave along each direction for a buried object to leave, the least first.
 
     Parameters
     ----------
@@ -199,17 +199,8 @@ def smallest_reveal_plan(
         IDs in the bag.
     target : int
         ID of the buried object.
-    near : (3,) ndarray
-        The direction that wins ties.
-
-    Parameters
-    ----------
-    blockings : sequence of DirectionalBlocking
-    packed : collection of int
-        Objects in the bag now.
-    target : int
     near : (3,) ndarray of float64
-        A direction, world.
+        The direction that wins ties, world.
 
     Raises
     ------
@@ -222,4 +213,4 @@ def smallest_reveal_plan(
         RevealPlan(target, blocking.direction, blocking.among(packed).needed(target))
         for blocking in blockings
     ]
-    return min(found, key=lambda one: (len(one.ids), -round(float(one.direction @ near), 6)))
+    return sorted(found, key=lambda one: (len(one.ids), -round(float(one.direction @ near), 6)))

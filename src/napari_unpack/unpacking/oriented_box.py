@@ -92,8 +92,13 @@ def oriented_box(points: ArrayLike, thickness: ArrayLike = (0.0, 0.0, 0.0)) -> O
     hull = ConvexHull(solid)
     corner_points = solid[hull.vertices]
     best: tuple[float, Matrix] | None = None
-    for normal in _tightest(corner_points, _distinct(hull.equations[:, :3])):
-        axes = least_rectangle(corner_points, normal)
+    # A single layer of voxels lies as they do; crosses alone would let the box tilt against them.
+    flat = np.ptp(cloud, axis=0) == 0
+    normals = np.eye(3)[flat]
+    if not flat.any():
+        normals = _tightest(corner_points, _distinct(hull.equations[:, :3]))
+    for normal in normals:
+        axes = np.eye(3) if flat.sum() > 1 else least_rectangle(corner_points, normal)
         extent = np.ptp(corner_points @ axes.T, axis=0)
         volume = float(np.prod(extent))
         if best is None or volume < best[0] * (1 - 1e-9):

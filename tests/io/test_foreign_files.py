@@ -1,0 +1,82 @@
+"""Folders that are written anew: nothing that a person put into one goes with what was there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import napari_unpack as nu
+from napari_unpack.io.surfaces import save_surfaces
+
+
+def plates() -> nu.Session:
+    labels = np.zeros((8, 10, 10), np.uint8)
+    labels[1:3, 2:8, 2:8] = 1
+    labels[4:6, 2:8, 2:8] = 2
+    return nu.Session(np.where(labels, 1000, 0).astype(np.uint16), labels)
+
+
+def save_session(path: Path) -> None:
+    nu.save_session(plates(), path)
+
+
+def save_prints(path: Path) -> None:
+    pytest.importorskip("trimesh")
+    save_surfaces(plates(), path)
+
+
+def film(path: Path) -> None:
+    nu.movie(plates(), path, count=1, size=(32, 32), fps=5, seconds=0.2, backend="cpu")
+
+
+WRITERS = pytest.mark.parametrize(
+    ("write", "own"),
+    [(save_session, "scan.npz"), (save_prints, "mine.stl"), (film, "frame-holiday.png")],
+    ids=["session", "surfaces", "film"],
+)
+
+
+@WRITERS
+def test_a_folder_with_a_file_of_somebodys_own_is_refused(
+    tmp_path: Path, write: Callable[[Path], None], own: str
+) -> None:
+    folder = tmp_path / "out"
+    write(folder)
+    (folder / own).write_bytes(b"the only copy")
+    before = sorted(file.name for file in folder.iterdir())
+    with pytest.raises(ValueError, match="holds something else: choose another name"):
+        write(folder)
+    assert sorted(file.name for file in folder.iterdir()) == before
+    assert (folder / own).read_bytes() == b"the only copy"
+
+
+@WRITERS
+def test_what_file_managers_leave_in_it_keeps_nobody_from_saving(
+    tmp_path: Path, write: Callable[[Path], None], own: str
+) -> None:
+    folder = tmp_path / "out"
+    write(folder)
+    (folder / ".DS_Store").write_bytes(b"?")
+    write(folder)
+    assert not (folder / ".DS_Store").exists()
+
+
+@pytest.mark.parametrize("inside", ["scan.npz", "volume.npz"])
+def test_a_session_does_not_refer_to_what_saving_it_takes_away(tmp_path: Path, inside: str) -> None:
+    session, folder = plates(), tmp_path / "bag"
+    nu.save_session(session, folder)
+    kept = folder / inside
+    if inside == "scan.npz":
+        folder.joinpath("session.json").unlink()
+        for file in folder.iterdir():
+            file.unlink()
+        folder.rmdir()
+        folder.mkdir()
+        np.savez(kept, volume=session.volume)
+    before = kept.read_bytes()
+    with pytest.raises(ValueError, match=r"holds something else|would replace"):
+        nu.save_session(session, folder, copy=False, volume_path=kept)
+    assert kept.read_bytes() == before
