@@ -11,6 +11,7 @@ import imageio.v3 as iio
 import numpy as np
 import pandas as pd
 import pytest
+import zarr
 from typer.testing import CliRunner
 
 import napari_unpack as nu
@@ -422,3 +423,41 @@ def test_an_oracle_that_cannot_be_saved_goes_elsewhere_and_says_where(
     (path,) = [Path(line[6:]) for line in result.output.splitlines() if line.startswith("wrote ")]
     np.testing.assert_array_equal(nu.Oracle.load(path).logistic, oracle.logistic)
     shutil.rmtree(path.parent)
+
+
+def test_an_output_that_holds_the_input_or_is_a_folder_is_refused_before_the_work(
+    bag: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delattr(nu, "segment")
+    image = bag.with_name("image.zarr")
+    zarr.create_array(image / "0", shape=(8, 8, 8), dtype="f4", chunks=(8, 8, 8))[...] = 1.0
+    before = sorted(p.relative_to(image) for p in image.rglob("*"))
+    (bag.parent / "tables").mkdir()
+    (bag.parent / "found.npz").mkdir()
+    for arguments, sentence in (
+        ((image / "0", image), "holds the input, which would be lost"),
+        ((bag, bag.parent / "found.npz"), "is a folder: choose another output"),
+        ((bag, bag.parent / "a.npz", "--csv", bag.parent / "tables"), "is a folder"),
+    ):
+        result = run("segment", *arguments)
+        assert result.exit_code == 1
+        assert sentence in result.output.replace("\n", " ")
+    assert sorted(p.relative_to(image) for p in image.rglob("*")) == before
+
+
+def test_bags_whose_names_differ_after_a_point_have_tables_of_their_own(tmp_path: Path) -> None:
+    for seed in (1, 2):
+        out = tmp_path / f"s.{seed}.npz"
+        assert (
+            run("simulate", out, "--shape", 40, 48, 56, "--count", 2, "--seed", seed).exit_code == 0
+        )
+    assert sorted(p.name for p in tmp_path.glob("*.csv")) == ["s.1.csv", "s.2.csv"]
+
+
+def test_the_folder_one_stands_in_is_a_place_like_any_other(
+    bag: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(bag.parent)
+    result = run("order", ".")
+    assert result.exit_code == 1
+    assert "empty name" not in result.output

@@ -250,9 +250,9 @@ def recover_folder(path: Path) -> None:
 
     To be called before a folder is looked for.
     """
-    old = _aside(path)
-    if old.exists() and not path.exists():
-        old.replace(path)
+    # "." and the like are there, and have no name to stand aside under.
+    if not path.exists() and path.name and _aside(path).exists():
+        _aside(path).replace(path)
 
 
 def _replace_folder(new: Path, path: Path) -> None:

@@ -52,6 +52,10 @@ def main() -> None:
     app()
 
 
+# What a user can cause; Python has numbers of any size, libraries have not.
+TOLD = (ValueError, TypeError, OSError, ImportError, OverflowError)
+
+
 def _command(**settings: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Make a command of a function, by its name without the underscore."""
 
@@ -61,7 +65,7 @@ def _command(**settings: Any) -> Callable[[Callable[..., None]], Callable[..., N
         def run(*args: Any, **kwargs: Any) -> None:
             try:
                 command(*args, **kwargs)
-            except (ValueError, TypeError, OSError, ImportError, MemoryError) as error:
+            except (*TOLD, MemoryError) as error:
                 typer.echo(f"error: {error}", err=True)
                 raise typer.Exit(1) from error
 
@@ -94,7 +98,7 @@ def _simulate(
     """Simulate a packed bag with its true labels, and a table of its objects beside it."""
     from napari_unpack import simulate_bag
     from napari_unpack.io import Scan, save_objects_csv, save_scan
-    from napari_unpack.io.volumes import WRITABLE
+    from napari_unpack.io.volumes import WRITABLE, stem_of
 
     # Before the long work: a wrong name is told at once.
     check_output(output, WRITABLE)
@@ -106,7 +110,7 @@ def _simulate(
     names = {int(i): str(name) for i, name in bag.objects["name"].items()}
     for path in save_scan(Scan(bag.volume, (z, y, x), bag.labels, "bag", names), output):
         typer.echo(f"wrote {path}")
-    table = save_objects_csv(bag.objects, output.with_name(output.name.split(".")[0] + ".csv"))
+    table = save_objects_csv(bag.objects, output.with_name(stem_of(output) + ".csv"))
     typer.echo(f"wrote {table}")
 
 
@@ -153,15 +157,16 @@ def _segment(
     from napari_unpack.io import save_objects_csv, save_scan
     from napari_unpack.io.volumes import WRITABLE, check_savable, saved_files
 
-    check_output(output, (*WRITABLE, ".zarr"), source)
-    outputs = [output] if output.suffix.lower() == ".zarr" else saved_files(output)
+    zarr = output.suffix.lower() == ".zarr"
+    check_output(output, (*WRITABLE, ".zarr"), source, folder=zarr)
+    outputs = [output] if zarr else saved_files(output)
     for file in outputs[1:]:
         check_output(file, WRITABLE, source)
     if csv is not None:
         check_output(csv, ("",), source)
         if csv.resolve() in [file.resolve() for file in outputs]:
             raise ValueError(f"{csv} holds the labels: choose another file for the table")
-    if output.suffix.lower() == ".zarr":
+    if zarr:
         from napari_unpack.batches.large_files import segment_zarr
 
         if at is not None:
@@ -358,7 +363,7 @@ def _movie(
     from napari_unpack.io.movies import checked_movie_path
 
     # Any suffix passes the second check, as a folder of images has none; the first knows movies.
-    check_output(checked_movie_path(output, size), ("",), source, labels)
+    check_output(checked_movie_path(output, size), ("",), source, labels, folder=not output.suffix)
     decorated = requested_decorations(background, box, scale)
     session = open_input(source, labels, direction, view, backend, at, large)
     if decorated is not None:
@@ -452,7 +457,7 @@ def _surfaces(
     from napari_unpack.io.sessions import standing_of
     from napari_unpack.io.surfaces import FORMATS, checked_surfaces_path, save_surfaces
 
-    check_output(checked_surfaces_path(output), FORMATS, source, labels)
+    check_output(checked_surfaces_path(output), FORMATS, source, labels, folder=not output.suffix)
     session = open_input(source, labels, None, None, "auto", at, large)
     ids = None
     if objects is not None:

@@ -173,7 +173,9 @@ def open_input(
     return open_scan(scan, view or FROM_ABOVE, direction_of(direction), Ticker(), backend)
 
 
-def check_output(path: Path, suffixes: tuple[str, ...], *inputs: Path | None) -> None:
+def check_output(
+    path: Path, suffixes: tuple[str, ...], *inputs: Path | None, folder: bool = False
+) -> None:
     """Refuse what cannot be written before the long work, not after it.
 
     Parameters
@@ -184,11 +186,13 @@ def check_output(path: Path, suffixes: tuple[str, ...], *inputs: Path | None) ->
         What its name may end in, lower case.
     *inputs : Path, optional
         What the command reads.
+    folder : bool
+        Whether the output may be a folder.
 
     Raises
     ------
     ValueError
-        If it ends in none of them, or is one of the inputs.
+        If it ends in none of them, is one of the inputs or holds one, or is a folder.
     FileNotFoundError
         If its folder does not exist.
     PermissionError
@@ -198,9 +202,14 @@ def check_output(path: Path, suffixes: tuple[str, ...], *inputs: Path | None) ->
 
     if not path.name.lower().endswith(suffixes):
         raise ValueError(f"{path}: the output must end in {' or '.join(suffixes)}")
+    there = [given for given in inputs if given and given.exists()]
     # By what it is and not by its name: links and upper case lead to one file as well.
-    if any(path.exists() and given and given.exists() and path.samefile(given) for given in inputs):
+    if any(path.exists() and path.samefile(given) for given in there):
         raise ValueError(f"{path} is the input and would be overwritten: choose another output")
+    if any(given.resolve().is_relative_to(path.resolve()) for given in there):
+        raise ValueError(f"{path} holds the input, which would be lost: choose another output")
+    if path.is_dir() and not folder:
+        raise ValueError(f"{path} is a folder: choose another output")
     check_writable(path)
 
 

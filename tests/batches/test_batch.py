@@ -28,7 +28,7 @@ from napari_unpack.batches.results import ScanResult, results_in, session_in
 from napari_unpack.batches.run_settings import Settings
 from napari_unpack.batches.scan_work import Place, work_on
 from napari_unpack.cli import app
-from napari_unpack.io import load_labels
+from napari_unpack.io import load_labels, load_volume
 
 distributed = pytest.importorskip("distributed")
 QUICK: dict[str, Any] = {"pictures": False}
@@ -253,3 +253,20 @@ def test_workers_fit_cores_scans_and_memory(bags: Path) -> None:
     assert cluster.workers_that_fit(scans, 2, 10**12) == 2
     assert cluster.workers_that_fit(scans, 16, 2 * 10**9) == 2
     assert cluster.workers_that_fit(scans, 16, 10**6) == 4
+
+
+def test_two_rows_of_one_volume_are_both_kept_when_done_anew(
+    bags: Path, client: Any, tmp_path: Path
+) -> None:
+    volume = load_volume(bags / "a.npz").volume
+    for k, level in enumerate((1, 2)):
+        labels = np.where(volume > np.quantile(volume, 0.9), level, 0).astype(np.uint16)
+        np.savez(tmp_path / f"l{k}.npz", labels=labels)
+    table, output = tmp_path / "two.csv", tmp_path / "out"
+    table.write_text(
+        f"volume,labels,name\n{bags / 'a.npz'},l0.npz,first\n{bags / 'a.npz'},l1.npz,second\n"
+    )
+    for force, status in ((False, "done"), (True, "kept")):
+        done = nu.batch(table, output, client, force=force, **QUICK)
+        assert [one.status for one in done.results] == [status, status]
+        assert sorted(one.scan for one in results_in(output)) == ["first", "second"]

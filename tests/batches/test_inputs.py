@@ -96,3 +96,28 @@ def test_a_missing_package_is_named_with_what_to_install(
     zarr.save_array(tmp_path / "a.zarr", np.zeros((4, 4, 4), np.uint16))
     with pytest.raises(ImportError, match=r"pip install distributed \(or 'napari-unpack\[batch\]'"):
         segment_zarr(tmp_path / "a.zarr", tmp_path / "out.zarr", workers=2)
+
+
+def test_a_table_keeps_zeros_of_names_and_rows_of_one_volume(tmp_path: Path) -> None:
+    table = tmp_path / "list.csv"
+    table.write_text("volume,spacing,name\n001,1 1 1,0007\n001,3 1 1,thick\n")
+    found = find_inputs([table])
+    assert [(one.volume.name, one.spacing, one.name) for one in found] == [
+        ("001", (1, 1, 1), "0007"),
+        ("001", (3, 1, 1), "thick"),
+    ]
+
+
+def test_a_name_that_is_made_is_nobodys(tmp_path: Path) -> None:
+    folder = tmp_path / "in"
+    folder.mkdir()
+    (folder / "t.csv").write_text("volume,name\n1.npz,s\n2.npz,s\n3.npz,in-s-2\n4.npz,s\n")
+    names = [one.name for one in find_inputs([folder / "t.csv"])]
+    assert len(set(names)) == 4
+    assert names[2] == "in-s-2"
+
+
+def test_a_folder_that_leads_back_into_itself_is_looked_through_once(tmp_path: Path) -> None:
+    (tmp_path / "a.npz").write_bytes(b"-")
+    (tmp_path / "self").symlink_to(tmp_path)
+    assert [one.volume.name for one in find_inputs([tmp_path])] == ["a.npz"]

@@ -504,3 +504,11 @@ def test_what_cannot_be_written_is_named_and_leaves_nothing(tmp_path: Path) -> N
     with pytest.raises(FileNotFoundError, match="no folder"):
         save_scan(scan(), tmp_path / "nowhere" / "bag.npz")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_packed_file_is_read_and_not_the_unpacked_one_beside_it(tmp_path: Path) -> None:
+    packed, other = np.full((4, 5, 6), 7, np.int16), np.full((3, 5, 6), 9, np.int16)
+    save_scan(Scan(packed, (1.0, 1.0, 1.0)), tmp_path / "scan.nii.gz")
+    save_scan(Scan(other, (1.0, 1.0, 1.0)), tmp_path / "scan.nii")
+    np.testing.assert_array_equal(load_volume(tmp_path / "scan.nii.gz").volume, packed)
+    np.testing.assert_array_equal(load_volume(tmp_path / "scan.nii").volume, other)

@@ -175,3 +175,9 @@ def test_sixty_thousand_objects_of_any_id_need_no_table_of_all_pairs():
     # Three of four voxels stay, of five in all: the first object has lost nothing to air's side.
     assert result["mean_iou"] == pytest.approx(0.6, abs=1e-3)
     assert len(score_objects(truth, found)) == 59_999
+
+
+def test_large_ids_without_a_sign_are_told_apart():
+    labels = np.zeros((8, 8, 8), np.uint64)
+    labels[:3], labels[5:] = 2**60, 2**60 + 1
+    assert score(labels, labels)["true_objects"] == 2

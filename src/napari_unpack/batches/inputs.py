@@ -8,6 +8,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +65,7 @@ def find_inputs(asked: Iterable[str | Path]) -> list[ScanInput]:
         If there is no scan, or a table cannot be used.
     """
     found = {
-        (scan.volume, scan.labels): scan
+        (scan.volume, scan.labels, scan.spacing): scan
         for one in asked
         for path in _paths(str(one))
         for scan in _scans(path)
@@ -101,7 +102,8 @@ def _scan(path: Path) -> ScanInput:
 
 def _inside(folder: Path) -> Iterator[Path]:
     """Yield all volumes in a folder and in those below it."""
-    entries = sorted(folder.iterdir())
+    # A link to a folder may lead round in a circle.
+    entries = sorted(e for e in folder.iterdir() if not (e.is_symlink() and e.is_dir()))
     files = [e for e in entries if e.is_file() and suffix_of(e) in READABLE]
     yield from _without_labels(files)
     for entry in entries:
@@ -148,8 +150,9 @@ def _listed(table: Path) -> Iterator[ScanInput]:
     if suffix_of(table) == ".parquet":
         needed("pyarrow", "pyarrow", "reading Parquet tables", "batch")
     try:
-        read = pd.read_parquet if suffix_of(table) == ".parquet" else pd.read_csv
-        rows: Any = read(table)
+        # Names of digits keep their zeros.
+        csv = partial(pd.read_csv, dtype={"volume": str, "labels": str, "name": str})
+        rows: Any = (pd.read_parquet if suffix_of(table) == ".parquet" else csv)(table)
     except Exception as error:
         # Of pandas and of pyarrow, which have errors of their own.
         raise ValueError(f"{table} is no readable table: {error}") from error
@@ -198,10 +201,13 @@ def _told_apart(scans: list[ScanInput]) -> list[ScanInput]:
         replace(s, name=f"{s.volume.parent.name}-{s.name}") if counts[s.name.lower()] > 1 else s
         for s in scans
     ]
-    taken: Counter[str] = Counter()
-    told = []
+    own, given, told = {scan.name.lower() for scan in longer}, set[str](), []
     for scan in longer:
-        taken[scan.name.lower()] += 1
-        number = taken[scan.name.lower()]
-        told.append(replace(scan, name=f"{scan.name}-{number}") if number > 1 else scan)
+        name, number = scan.name, 1
+        # Neither a name that was made nor one that another scan has of its own.
+        while name.lower() in given or (number > 1 and name.lower() in own):
+            number += 1
+            name = f"{scan.name}-{number}"
+        given.add(name.lower())
+        told.append(replace(scan, name=name))
     return told

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import ExitStack
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -97,17 +98,27 @@ def segment_zarr(
             check_versions(client)
         place = stack.enter_context(folder_written_atomically(output, _is_zarr))
         labels = stack.enter_context(labels_zarr(place, array.shape, "int32", spacing))
-        found = segment(
-            array,
-            spacing,
-            progress=progress,
-            smallest=smallest,
-            grainy=grainy,
-            working=working or WORKING_VOXELS,
-            out=labels,
-            client=client,
-        )
+        with _damage_told(source):
+            found = segment(
+                array,
+                spacing,
+                progress=progress,
+                smallest=smallest,
+                grainy=grainy,
+                working=working or WORKING_VOXELS,
+                out=labels,
+                client=client,
+            )
     return found.objects
+
+
+@contextmanager
+def _damage_told(source: Path) -> Iterator[None]:
+    try:
+        yield
+    except (RuntimeError, zlib.error) as error:
+        # Chunks are unpacked while objects are found, long after the image was opened.
+        raise ValueError(f"{source} could not be read to its end: {error}") from error
 
 
 def _is_zarr(folder: Path) -> bool:

@@ -232,9 +232,11 @@ def _lost(scan: ScanInput, error: BaseException) -> ScanResult:
 
 def _remove_replaced(folder: Path, results: Sequence[ScanResult]) -> None:
     """Remove older results of scans that are done anew."""
-    now = {one.source: one.folder for one in results if one.status != "failed"}
+    done = [one for one in results if one.status != "failed"]
+    # One volume may stand in several rows, with other labels or voxel sizes.
+    anew, kept = {(one.source, one.scan) for one in done}, {one.folder for one in done}
     for before in list(results_in(folder)):
-        if now.get(before.source, before.folder) != before.folder:
+        if (before.source, before.scan) in anew and before.folder not in kept:
             shutil.rmtree(folder / before.folder, ignore_errors=True)
 
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -60,18 +63,19 @@ def read_itk(path: Path, large: bool = False) -> FileData:
     if nifti:
         refuse_nifti_2(path)
     reader = sitk.ImageFileReader()
-    reader.SetFileName(str(path))
     # By name: of all that ITK knows, some formats follow links to other files.
     reader.SetImageIO(kind)
     try:
-        reader.ReadImageInformation()
-        if nifti and not packed:
-            # First, or a file cut short would be taken for a large one.
-            check_nifti(path)
-        # What NIfTI rescales takes more in memory than on the disk.
-        check_size(path, _needed(sitk, reader), stored, packed or nifti, large)
-        fields = HeaderFields(assumed=check_nifti(path)) if nifti else fields_of(path)
-        image = reader.Execute()
+        with _apart(path) as named:
+            reader.SetFileName(str(named))
+            reader.ReadImageInformation()
+            if nifti and not packed:
+                # First, or a file cut short would be taken for a large one.
+                check_nifti(path)
+            # What NIfTI rescales takes more in memory than on the disk.
+            check_size(path, _needed(sitk, reader), stored, packed or nifti, large)
+            fields = HeaderFields(assumed=check_nifti(path)) if nifti else fields_of(path)
+            image = reader.Execute()
     except RuntimeError as error:
         raise ValueError(f"{path} is not a readable volume: {_last_line(error)}") from error
     if image.GetNumberOfComponentsPerPixel() != 1:
@@ -183,6 +187,22 @@ def _check_written(sitk: Any, path: Path, array: NDArray[Any]) -> None:
         raise OSError("it cannot be read back: is the disk full?") from error
     if not whole:
         raise OSError("it is not whole: is the disk full?")
+
+
+@contextmanager
+def _apart(path: Path) -> Iterator[Path]:
+    """Give a name under which ITK reads a packed NIfTI file, and not one of that name unpacked."""
+    if path.suffix.lower() != ".gz" or not path.with_suffix("").exists():
+        yield path
+        return
+    with TemporaryDirectory() as folder:
+        alone = Path(folder) / path.name
+        try:
+            alone.symlink_to(path.absolute())
+        except OSError:
+            # Windows lets not everybody make links.
+            shutil.copyfile(path, alone)
+        yield alone
 
 
 def _needed(sitk: Any, reader: Any) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
@@ -101,4 +102,7 @@ def _groups(path: Path, by: str) -> dict[int, str]:
             raise ValueError(
                 f"{path} must have a column {column!r}, its columns are {', '.join(table.columns)}"
             )
-    return {int(i): str(group) for i, group in zip(table["id"], table[by], strict=True)}
+    ids = pd.to_numeric(table["id"], errors="coerce")
+    if not np.isfinite(ids).all() or (ids % 1 != 0).any():
+        raise ValueError(f"{path} must have a whole number in every row of its column 'id'")
+    return {int(i): str(group) for i, group in zip(ids, table[by], strict=True)}

@@ -169,7 +169,8 @@ def _numbered(labels: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[n
         held = np.bincount(flat, minlength=1) > 0
         held[0] = True
         return np.flatnonzero(held), (np.cumsum(held) - 1)[flat]
-    ids, positions = np.unique(np.append(flat, 0), return_inverse=True)
+    # A zero of their own type: of uint64 and int64 numpy makes floats, which round large IDs.
+    ids, positions = np.unique(np.append(flat, flat.dtype.type(0)), return_inverse=True)
     return ids.astype(np.int64), positions[:-1]
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.common.array_source import Box, face_steps, framed
+from napari_unpack.segmentation.common.density_regions import from_air
 from napari_unpack.segmentation.common.region import Oracle, Region
 from napari_unpack.segmentation.common.validation import Spacing, in_common_range
 from napari_unpack.segmentation.confidence.oracle import default_oracle
@@ -24,8 +25,8 @@ class ObjectSums:
 
     Parameters
     ----------
-    totals : (M, 5) ndarray of float64
-        By label: voxels, the sums of z, y and x (voxels), density.
+    totals : (M, 6) ndarray of float64
+        By label: voxels, the sums of z, y and x (voxels), density, voxels with a finite density.
     area : (M,) ndarray of float64
         Faces to other labels, background and the volume's border, mm^2.
     """
@@ -36,7 +37,7 @@ class ObjectSums:
     @classmethod
     def empty(cls, top: int) -> ObjectSums:
         """Return sums of nothing for labels up to `top`."""
-        return cls(np.zeros((top + 1, 5)), np.zeros(top + 1))
+        return cls(np.zeros((top + 1, 6)), np.zeros(top + 1))
 
     def add(
         self,
@@ -97,7 +98,7 @@ class ObjectSums:
             {
                 "voxels": counts.astype(np.int64),
                 "volume_mm3": volume,
-                "mean_density": totals[:, 4] / counts,
+                "mean_density": totals[:, 4] / np.where(totals[:, 5] > 0, totals[:, 5], np.nan),
                 "z": centers[:, 0],
                 "y": centers[:, 1],
                 "x": centers[:, 2],
@@ -147,7 +148,7 @@ def confidences(
     labels, density, spacing, oracle, share
         As for `object_table`.
     """
-    boxes, density = label_boxes(labels), in_common_range(density)[0]
+    boxes, density = label_boxes(labels), from_air(in_common_range(density)[0], labels)
     confidence_of = oracle or default_oracle()
     found = {}
     for name in share.over(boxes.ids.tolist()):
@@ -174,8 +175,9 @@ def _add(labels, density, start, steps, faces, totals, area):  # type: ignore[no
                 sums[2] += y + start[1]
                 sums[3] += x + start[2]
                 value = density[z, y, x]
-                if value == value:
+                if np.isfinite(value):
                     sums[4] += value
+                    sums[5] += 1
                 for k in range(6):
                     if labels[row + x + steps[k]] != label:
                         area[label] += faces[k]

@@ -15,6 +15,7 @@ from scipy.ndimage import binary_dilation
 from napari_unpack.segmentation.block_workers import BlockWorkers
 from napari_unpack.segmentation.common.array_source import Source, source_of
 from napari_unpack.segmentation.common.block_jobs import BlockRunner
+from napari_unpack.segmentation.common.density_regions import air_offset
 from napari_unpack.segmentation.common.joins import Steps
 from napari_unpack.segmentation.common.merging import absorb_fringes, absorb_small
 from napari_unpack.segmentation.common.region import (
@@ -29,6 +30,7 @@ from napari_unpack.segmentation.common.validation import (
     checked_spacing,
     checked_volume,
     in_common_range,
+    measured_alone,
 )
 from napari_unpack.segmentation.confidence.oracle import default_oracle
 from napari_unpack.segmentation.foreground.denoising import (
@@ -206,7 +208,7 @@ def segment(
     if method not in METHODS:
         raise ValueError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
     if out is not None:
-        check_out(out, source.shape)
+        check_out(out, source.array, source.shape)
     _check_sizes(smallest, step, working)
     least = default_smallest_object(source.shape, size) if smallest is None else smallest
     workers = None if client is None else BlockWorkers(client)
@@ -261,7 +263,7 @@ def _segmented(
             )
         share(1.0, f"{len(table)} objects")
         return Segmentation(labels, table)
-    density = checked_volume(np.asarray(source.array))
+    density = measured_alone(checked_volume(np.asarray(source.array)))
     noted = Steps()
     finding = share.part(0.0, 0.95, "Reading the volume")
     labels = _segment_grid(density, size, finding, wanted, noted)
@@ -412,13 +414,17 @@ def _cut_objects(
     options: SegmentOptions,
 ) -> NDArray[np.int32]:
     """Find objects by the paper's method: recursive cuts, then merges that the oracle prefers."""
-    oracle = options.oracle or default_oracle()
+    oracle, foreground = options.oracle or default_oracle(), options.foreground
+    air = 0.0 if foreground.found is None else air_offset(density, foreground.found[0])
+    if foreground.found is not None and air:
+        mask, at = foreground.found
+        at = replace(at, air=at.air - air, low=at.low - air, high=at.high - air)
+        foreground = replace(foreground, found=(mask, at))
+        density = density.astype(np.float32) - np.float32(air)
     # Parts are cut down to twice the least object, since every cut may halve the last one.
     rule = options.rule or SplitRule(smallest=2 * options.smallest)
     first = share.part(0.0, 0.9)
-    parts, scale = split_parts(
-        density, spacing, first, oracle, options.foreground, options.step, rule
-    )
+    parts, scale = split_parts(density, spacing, first, oracle, foreground, options.step, rule)
     # The knee is a quarter of the foreground's median density above air.
     light = scale.air + FOLD_DENSITY * 4 * scale.knee
     parts = absorb_fringes(bundle_folds(parts, density, spacing, light), density, spacing)

@@ -266,15 +266,18 @@ class LabelEditor:
 
     def _confidence(self) -> Confidence:
         from napari_unpack.segmentation import Region
+        from napari_unpack.segmentation.common.density_regions import air_offset
         from napari_unpack.segmentation.confidence.oracle import default_oracle
 
         oracle = self.oracle or default_oracle()
         z, y, x = (float(v) for v in self._session.spacing)
+        air = air_offset(self._session.volume, self._session.label_data.labels)
 
         def confidence(
             mask: NDArray[np.bool_], density: NDArray[Any], first: tuple[int, int, int]
         ) -> float:
-            return float(oracle(Region(mask, density, first, (z, y, x))))
+            lifted = density.astype(np.float32) - np.float32(air) if air else density
+            return float(oracle(Region(mask, lifted, first, (z, y, x))))
 
         return confidence
 

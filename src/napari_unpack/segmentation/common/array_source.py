@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from napari_unpack.segmentation.common.validation import block_dtype, checked_form
+from napari_unpack.segmentation.common.validation import block_dtype, checked_form, measured_alone
 
 Box = tuple[slice, slice, slice]
 
@@ -50,7 +50,7 @@ class Source:
         """Return the densities in a box, not copied where the array is an ndarray."""
         with self.lock:
             block = np.asarray(self.array[box])
-        return block.astype(self.dtype, copy=False)
+        return measured_alone(block.astype(self.dtype, copy=False))
 
 
 def source_of(volume: ArrayLike | Any) -> Source:
@@ -65,6 +65,10 @@ def source_of(volume: ArrayLike | Any) -> Source:
     ValueError
         If it is not 3D, or empty.
     """
+    if isinstance(volume, np.ma.MaskedArray):
+        # What is masked was not measured.
+        kept: Any = volume if volume.dtype.kind == "f" else volume.astype(np.float32)
+        volume = kept.filled(np.nan) if np.ma.is_masked(volume) else volume.data
     lazy = all(hasattr(volume, name) for name in ("shape", "dtype", "__getitem__"))
     array: Any = volume if lazy else np.asarray(volume)
     shape = checked_form(tuple(int(n) for n in array.shape), np.dtype(array.dtype))

@@ -8,6 +8,7 @@ densities are indistinguishable (statistical region merging, Nock & Nielsen, PAM
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cc3d
 import numpy as np
@@ -36,6 +37,42 @@ class DensityScale:
     air: float
     knee: float
     step: float = 0.11
+
+
+# Of CT numbers + 1000 air lies within a fortieth of what objects have above it; of CT numbers as
+# such it is as far from 0 as water is from air.
+FAR_AIR = 0.3
+
+
+def air_offset(density: NDArray[np.generic], labels: NDArray[Any]) -> float:
+    """Return the density of air where that is far from 0, as CT numbers have it, and else 0.
+
+    Parameters
+    ----------
+    density : (Z, Y, X) ndarray
+    labels : (Z, Y, X) ndarray of int or bool
+        0 is mostly air.
+    """
+    thin = tuple(slice(None, None, max(1, n // 128)) for n in labels.shape)
+    values, inside = density[thin].astype(np.float64), labels[thin] > 0
+    measured = np.isfinite(values)
+    around, held = values[~inside & measured], values[inside & measured]
+    if not len(around) or not len(held):
+        return 0.0
+    air = float(np.median(around))
+    return air if abs(air) > FAR_AIR * abs(float(np.median(held)) - air) else 0.0
+
+
+def from_air(density: NDArray[np.generic], labels: NDArray[Any]) -> NDArray[np.generic]:
+    """Return densities as an oracle knows them: from air on; copied where air is far from 0.
+
+    Parameters
+    ----------
+    density, labels
+        As for `air_offset`.
+    """
+    air = air_offset(density, labels)
+    return density.astype(np.float32) - np.float32(air) if air else density
 
 
 def log_density(

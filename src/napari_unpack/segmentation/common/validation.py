@@ -76,6 +76,19 @@ def block_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
     return dtype.newbyteorder("=")
 
 
+def measured_alone(values: NDArray[Any]) -> NDArray[Any]:
+    """Return densities with NaN for infinities, which say as well that nothing was measured.
+
+    Parameters
+    ----------
+    values : (Z, Y, X) ndarray
+        Copied only where there are some.
+    """
+    if values.dtype.kind != "f" or not any(np.isinf(plane).any() for plane in values):
+        return values
+    return np.where(np.isinf(values), values.dtype.type(np.nan), values)
+
+
 def _finite_range(array: NDArray[np.generic]) -> tuple[float, float]:
     """Return the smallest and largest finite value of an array."""
     if array.dtype.kind != "f":
@@ -132,12 +145,13 @@ def in_common_range(
     return scaled, level if isinstance(level, str) else float(moved(level))
 
 
-def check_out(out: Any, shape: tuple[int, int, int]) -> None:
+def check_out(out: Any, volume: Any, shape: tuple[int, int, int]) -> None:
     """Refuse an array that labels cannot be written to.
 
     Parameters
     ----------
     out : array
+    volume : array
     shape : (int, int, int)
         Of the volume.
 
@@ -146,7 +160,7 @@ def check_out(out: Any, shape: tuple[int, int, int]) -> None:
     TypeError
         If it does not hold integers of 16 bits at least, or cannot be written to.
     ValueError
-        If its shape is not the volume's.
+        If its shape is not the volume's, or it is the volume.
     """
     dtype = np.dtype(getattr(out, "dtype", object))
     if not hasattr(out, "__setitem__") or dtype.kind not in "ui" or dtype.itemsize < 2:
@@ -154,8 +168,14 @@ def check_out(out: Any, shape: tuple[int, int, int]) -> None:
             f"out must be an array of integers of 16 bits or more that can be written to, got "
             f"{type(out).__name__} of {dtype}"
         )
+    if isinstance(out, np.ndarray) and not out.flags.writeable:
+        raise TypeError("out must be an array that can be written to, got a read-only one")
     if tuple(out.shape) != shape:
         raise ValueError(f"out must have the volume's shape {shape}, got {tuple(out.shape)}")
+    arrays = isinstance(out, np.ndarray) and isinstance(volume, np.ndarray)
+    # Objects are measured after labels are written.
+    if arrays and np.may_share_memory(out, volume):
+        raise ValueError("out must be another array than the volume, which it would overwrite")
 
 
 def checked_spacing(spacing: Sequence[float] | ArrayLike) -> Spacing:

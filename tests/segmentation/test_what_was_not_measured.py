@@ -1,0 +1,106 @@
+"""Infinities, masks and NaN say that nothing was measured; CT numbers are densities as well."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import napari_unpack as nu
+
+
+@cache
+def boxes() -> np.ndarray:
+    volume = np.random.default_rng(0).normal(0, 5, (40, 40, 40)).astype(np.float32)
+    volume[5:18, 5:18, 5:18] += 1000
+    volume[20:36, 8:30, 20:34] += 1500
+    volume[22:34, 32:38, 4:16] += 700
+    return volume
+
+
+@cache
+def bag() -> nu.simulation.Bag:
+    return nu.simulate_bag(shape=(56, 64, 64), count=6, seed=1)
+
+
+@pytest.mark.parametrize("method", ["learned", "cuts"])
+@pytest.mark.parametrize("nothing", [np.inf, -np.inf])
+def test_infinities_are_as_much_as_nan(method: str, nothing: float) -> None:
+    found = []
+    for value in (np.nan, nothing):
+        volume = boxes().copy()
+        volume[:, :, 38:] = value
+        found.append(nu.segment(volume, method=method))
+    np.testing.assert_array_equal(found[0].labels, found[1].labels)
+    np.testing.assert_array_equal(
+        found[0].objects["mean_density"], found[1].objects["mean_density"]
+    )
+    assert np.isfinite(found[1].objects["mean_density"]).all()
+
+
+def test_infinities_are_nothing_where_the_volume_is_read_in_blocks() -> None:
+    volume = boxes().copy()
+    volume[:, :, 38:] = np.inf
+    assert len(nu.segment(volume, working=8000).objects) == len(
+        nu.segment(boxes(), working=8000).objects
+    )
+
+
+def test_the_mean_is_that_of_what_was_measured() -> None:
+    volume = boxes() + 1000
+    volume[8:14, 8:14, 8:14] = np.nan
+    found = nu.segment(volume)
+    for i, mean in found.objects["mean_density"].items():
+        assert mean == pytest.approx(np.nanmean(volume[found.labels == i], dtype=float), rel=1e-5)
+
+
+def test_what_is_masked_is_nothing() -> None:
+    masked = np.ma.array(boxes().copy(), mask=False)
+    masked[24:34, 24:34, 0:20] = 9000
+    masked[24:34, 24:34, 0:20] = np.ma.masked
+    found = nu.segment(masked)
+    assert found.objects["mean_density"].max() < 1600
+    assert not found.labels[25:33, 25:33, 1:19].any()
+
+
+def test_labels_do_not_go_into_the_volume_nor_into_what_is_read_only() -> None:
+    volume = boxes().astype(np.int16)
+    with pytest.raises(ValueError, match="another array than the volume"):
+        nu.segment(volume, out=volume)
+    locked = np.zeros(volume.shape, np.int32)
+    locked.flags.writeable = False
+    with pytest.raises(TypeError, match="read-only"):
+        nu.segment(volume, out=locked)
+
+
+@pytest.mark.parametrize("offset", [-1000.0, 10_000.0])
+def test_confidence_depends_on_no_offset(offset: float) -> None:
+    volume = bag().volume.astype(np.float32)
+    known = nu.segment(volume).objects["confidence"].to_numpy()
+    moved = nu.segment(volume + offset).objects["confidence"].to_numpy()
+    # Air is some CT numbers above 0 as it is, and at 0 once it is moved there.
+    np.testing.assert_allclose(moved, known, atol=0.03)
+    assert known.max() > 0.9
+
+
+def test_the_method_of_the_paper_finds_the_same_in_ct_numbers() -> None:
+    one = nu.simulate_bag(shape=(60, 64, 72), count=8, seed=3).volume.astype(np.float32)
+    known, moved = (nu.segment(v, method="cuts").labels for v in (one, one - 1000))
+    assert (known != moved).mean() < 0.001
+
+
+def test_learning_and_reasons_know_no_offset_either() -> None:
+    from dataclasses import replace
+
+    from napari_unpack.segmentation.training import oracle_examples
+    from napari_unpack.session.object_facts import reasons_of
+
+    there = replace(bag(), volume=bag().volume.astype(np.float32) - 1000)
+    for rows, moved in zip(oracle_examples(bag()), oracle_examples(there), strict=True):
+        np.testing.assert_allclose(moved, rows, atol=0.05, rtol=0.05)
+    names = []
+    for one in (bag(), there):
+        session = nu.Session(one.volume, one.labels, one.spacing)
+        names.append([reasons_of(session, i) for i in session.ids])
+    assert names[0] == names[1]
