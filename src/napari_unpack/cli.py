@@ -593,12 +593,12 @@ def _demo(
     ] = None,
     labels: LabelsOption = None,
     output: Annotated[
-        Path, typer.Option(help="Folder for images and movie where there is no screen.")
+        Path, typer.Option(help="Folder for images and movie of a virtual screen.")
     ] = Path("demo-output"),
     seed: Annotated[int, typer.Option(help="Of the simulated bag.")] = 0,
     large: Large = False,
 ) -> None:
-    """Open the plugin on a bag, or make a movie of it where there is no screen."""
+    """Open the plugin on a bag; on a virtual screen, as `make demo` has one, film it."""
     from napari_unpack.demo import run
 
     run(source, labels, output, seed, large)

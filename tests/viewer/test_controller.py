@@ -103,14 +103,22 @@ def _state(viewer):
     )
 
 
-def test_removing_one_of_our_layers_takes_the_controller_down(staged) -> None:
+def test_removing_one_of_our_layers_takes_the_controller_down(staged, qtbot) -> None:
     viewer, controller = staged
     heard = []
     controller.events.closed.connect(lambda: heard.append(True))
     viewer.layers.remove("Sprites")
-    assert not controller.is_open
+    qtbot.waitUntil(lambda: not controller.is_open, timeout=10000)
     assert len(viewer.layers) == 0
     assert heard == [True]
+
+
+def test_all_our_layers_removed_as_selected_take_the_controller_down(staged, qtbot) -> None:
+    viewer, controller = staged
+    viewer.layers.selection = set(viewer.layers)
+    viewer.layers.remove_selected()
+    qtbot.waitUntil(lambda: not controller.is_open, timeout=10000)
+    assert len(viewer.layers) == 0
 
 
 def test_the_controller_stands_on_the_users_layer(make_napari_viewer_proxy, bag, session) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import colorsys
+import gc
 import time
 
 import numpy as np
@@ -67,6 +68,16 @@ def test_touching_cells_of_a_2d_layer_differ_and_old_colours_come_back(viewer, q
     assert layer.get_color(0) is None or layer.get_color(0)[3] == 0
     restore_colors(viewer)
     assert layer.colormap is before
+
+
+def test_old_colours_come_back_to_a_layer_that_only_menus_hand_over(viewer, qtbot):
+    before = viewer.add_labels(cells(np.uint8)).colormap
+    colored(viewer, qtbot)
+    # Whatever stood for the layer in between is gone.
+    gc.collect()
+    assert viewer.layers[0].colormap is not before
+    restore_colors(viewer)
+    assert viewer.layers[0].colormap is before
 
 
 def test_a_slice_of_a_volume_colours_what_is_in_it(viewer, qtbot):

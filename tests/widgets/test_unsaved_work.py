@@ -65,7 +65,7 @@ def test_nothing_is_asked_where_nothing_was_done(
     rest(panel, qtbot)
     assert not panel.unsaved.changed
     viewer.layers.remove("Sprites")
-    assert panel.workspace.controller is None
+    qtbot.waitUntil(lambda: panel.workspace.controller is None, timeout=10000)
     assert len(viewer.layers) == 2
 
 
@@ -104,6 +104,23 @@ def test_layers_deleted_in_naparis_list_are_asked_for_and_cancel_leaves_all_as_i
     answer(panel, qtbot, Button.Discard)
     assert panel.workspace.controller is None
     assert len(viewer.layers) == 2
+
+
+@pytest.mark.parametrize("worked_on", [False, True])
+def test_all_layers_deleted_at_once_are_gone_and_napari_stumbles_over_none(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot, worked_on: bool
+) -> None:
+    _, expert = add_bag(viewer)
+    controller_with(panel, qtbot, expert)
+    if worked_on:
+        press(qtbot, panel.unpack.next)
+    rest(panel, qtbot)
+    viewer.layers.selection = set(viewer.layers)
+    viewer.layers.remove_selected()
+    if worked_on:
+        answer(panel, qtbot, Button.Discard)
+    qtbot.waitUntil(lambda: panel.workspace.controller is None, timeout=20000)
+    assert len(viewer.layers) == 0
 
 
 def test_what_is_saved_is_not_asked_for_again_until_something_is_done(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from napari_unpack.layers import compat
@@ -14,6 +15,7 @@ from napari_unpack.viewer.clipping_sync import ClippingSync
 from napari_unpack.viewer.placement_sync import PlacementSync
 from napari_unpack.viewer.protocols import Event
 from napari_unpack.viewer.redraw_throttle import RedrawThrottle
+from napari_unpack.viewer.removed_layers import close_without_layer
 from napari_unpack.viewer.slice_sync import SliceSteps
 
 if TYPE_CHECKING:
@@ -173,4 +175,4 @@ class ControllerConnections:
         one = self._controller
         # One layer without the others would show half a session.
         if event.value in one.layers:
-            (one.layer_removed or one.close)()
+            (one.layer_removed or partial(close_without_layer, one))()

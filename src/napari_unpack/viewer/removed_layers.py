@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     import napari
     from napari.layers import Layer
 
+    from napari_unpack.viewer.controller import SessionController
+
 
 class RemovedLayers:
     """Remembers the layers that one command removes, until the event loop has the turn again.
@@ -41,8 +43,8 @@ class RemovedLayers:
         self._viewer.layers.events.removed.disconnect(self._on_removed)
         self._removed.clear()
 
-    def put_back(self, settle: Callable[[], None]) -> bool:
-        """Put all of them back at their places; return whether there were any.
+    def put_back(self, settle: Callable[[], None]) -> list[Layer]:
+        """Put all of them back at their places, and return them.
 
         Parameters
         ----------
@@ -63,7 +65,7 @@ class RemovedLayers:
             view.give_back(viewer.scene.camera)
             # What is deleted is what was selected.
             layers.selection = {layer for _, layer in removed}
-        return bool(removed)
+        return [layer for _, layer in removed]
 
     def _on_removed(self, event: Any) -> None:
         if not self._removed:
@@ -72,3 +74,15 @@ class RemovedLayers:
             # Posted now, so after what others post while they hear of the removal.
             self._scheduler.soon(lambda: self._scheduler.soon(self._removed.clear))
         self._removed.append((event.index, event.value))
+
+
+def close_without_layer(controller: SessionController) -> None:
+    """Close, as one of its layers was removed; soon, where others of them are selected.
+
+    napari removes what is selected one by one, and stumbles over what is gone already.
+    """
+    layers = controller.viewer.layers
+    if any(layer in layers.selection for layer in controller.layers if layer in layers):
+        controller.scheduler.soon(controller.close)
+    else:
+        controller.close()

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from napari.layers import Labels
 
+from napari_unpack.layers import compat
 from napari_unpack.tasks import Progress, Task
 from napari_unpack.viewer.scheduler import Scheduler, Worker, on_main_thread
 from napari_unpack.widgets.notifications import errors_shown, inform
@@ -84,10 +85,13 @@ def restore_colors(viewer: napari.Viewer) -> None:
 
 
 def _labels_layer(viewer: napari.Viewer) -> Labels | None:
-    active = viewer.layers.selection.active
+    # Not the proxy that a menu hands over: its layers are made anew whenever they are asked for,
+    # and what is known of one is forgotten with it.
+    layers = compat.unwrap(viewer).layers
+    active = layers.selection.active
     if isinstance(active, Labels):
         return active
-    some = [layer for layer in viewer.layers if isinstance(layer, Labels)]
+    some = [layer for layer in layers if isinstance(layer, Labels)]
     if len(some) == 1:
         return some[0]
     inform(

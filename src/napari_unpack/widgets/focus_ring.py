@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from qtpy.compat import isalive
 from qtpy.QtCore import QEvent, QObject, Qt
-from qtpy.QtGui import QColor, QPainter, QRegion
+from qtpy.QtGui import QColor, QFocusEvent, QPainter, QRegion
 from qtpy.QtWidgets import QWidget
 
 if TYPE_CHECKING:
@@ -73,7 +73,9 @@ class FocusRing(QWidget):
         event : QEvent
         """
         kind = event.type()
-        if kind == QEvent.Type.FocusIn and event.reason() in BY_KEYS:
+        # PyQt may take a new event for one of the same place that somebody still holds.
+        reason = event.reason() if isinstance(event, QFocusEvent) else None
+        if kind == QEvent.Type.FocusIn and reason in BY_KEYS:
             self._fit()
             self.show()
             self.raise_()

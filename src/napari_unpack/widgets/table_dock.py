@@ -100,7 +100,7 @@ class TableButton(QObject):
         super().__init__(parent)
         self._viewer, self._new_pane = viewer, new_pane
         self.button = button(
-            "Table in a dock", "Show this table beside the 3D view, with all its columns."
+            "Table in a dock", "Show this table beside the 3D view, with room for more columns."
         )
         self._opener = DockButton(viewer, self.button, self._new_dock, self._add)
         self.end = self._opener.end

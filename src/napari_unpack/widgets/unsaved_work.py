@@ -12,10 +12,12 @@ from qtpy.QtCore import QObject, Signal
 from qtpy.QtWidgets import QMessageBox, QWidget
 
 from napari_unpack.layers.compat import is_shown
-from napari_unpack.viewer.removed_layers import RemovedLayers
+from napari_unpack.viewer.removed_layers import RemovedLayers, close_without_layer
 from napari_unpack.widgets.workspace import Workspace
 
 if TYPE_CHECKING:
+    from napari.layers import Layer
+
     from napari_unpack.session import Session
 
 Call = Callable[[], None]
@@ -160,11 +162,15 @@ class UnsavedWork(QObject):
 
     def _on_layer_removed(self) -> None:
         controller = self._workspace.controller
+        if controller is None:
+            return
         # A viewer that closes removes its layers too; nobody could answer any more.
-        if controller is not None and self.changed and is_shown(self._workspace.viewer):
-            self._workspace.scheduler.soon(self._ask_about_layers)
-        elif controller is not None:
+        if not is_shown(self._workspace.viewer):
             controller.close()
+        elif self.changed:
+            self._workspace.scheduler.soon(self._ask_about_layers)
+        else:
+            close_without_layer(controller)
 
     def _ask_about_layers(self) -> None:
         controller = self._workspace.controller
@@ -173,8 +179,17 @@ class UnsavedWork(QObject):
         if not is_shown(self._workspace.viewer):
             controller.close()
         # First: the question is asked over the picture as it was, and Cancel has nothing to do.
-        elif self._removed.put_back(partial(controller.framing.catch_up, finish=True)):
-            self.ask("Without its layers it ends.", controller.close)
+        elif removed := self._removed.put_back(partial(controller.framing.catch_up, finish=True)):
+            self.ask("Without its layers it ends.", partial(self._end_without, removed))
+
+    def _end_without(self, removed: list[Layer]) -> None:
+        if self._workspace.controller is not None:
+            self._workspace.controller.close()
+        layers = self._workspace.viewer.layers
+        # The person's own that were deleted along with them.
+        for layer in removed:
+            if layer in layers:
+                layers.remove(layer)
 
     def _show(self, reason: str, then: Call, cancelled: Call | None) -> None:
         controller = self._workspace.controller
