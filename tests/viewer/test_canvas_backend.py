@@ -158,7 +158,7 @@ def test_resize_reopening_and_a_layer_removed_break_nothing(by_gl, session, qtbo
     assert again.casts_with == "gl"
     assert np.abs(canvas(viewer) - before).mean() < 1.0
     viewer.layers.remove("Transition")
-    assert not again.is_open
+    qtbot.waitUntil(lambda: not again.is_open, timeout=10000)
     assert no_error(viewer)
 
 
