@@ -461,3 +461,79 @@ def test_the_folder_one_stands_in_is_a_place_like_any_other(
     result = run("order", ".")
     assert result.exit_code == 1
     assert "empty name" not in result.output
+
+
+def test_numbers_that_no_library_takes_get_a_sentence(bag: Path, tmp_path: Path) -> None:
+    huge = "1" + "0" * 320
+    table = tmp_path / "kinds.csv"
+    for arguments in (
+        ("render", bag, tmp_path / "a.png", "--size", huge, 64),
+        ("movie", bag, tmp_path / "a.gif", "--fps", huge),
+    ):
+        result = run(*arguments)
+        assert result.exit_code == 1
+        assert isinstance(result.exception, SystemExit)
+    for row in ("inf,a", ",a", "1.5,a"):
+        table.write_text(f"id,kind\n{row}\n")
+        result = run("score", bag, bag, "--table", table, "--by", "kind")
+        assert result.exit_code == 1
+        assert "whole number in every row of its column 'id'" in result.output.replace("\n", " ")
+
+
+def image_zarr(path: Path, *steps: dict[str, Any]) -> np.ndarray:
+    """Write an image of one box, with what is said of where it lies; return it."""
+    volume = np.random.default_rng(0).normal(0, 5, (40, 40, 40)).astype("f4")
+    volume[8:30, 8:30, 8:30] += 1000
+    group = zarr.open_group(path, mode="w", zarr_format=2)
+    group.create_array("0", shape=volume.shape, dtype="f4", chunks=(20, 20, 20))[...] = volume
+    axes = [{"name": n, "type": "space", "unit": "millimeter"} for n in "zyx"]
+    scale = {"type": "scale", "scale": [2, 1, 1]}
+    data = [{"path": "0", "coordinateTransformations": [scale, *steps]}]
+    group.attrs["multiscales"] = [{"version": "0.4", "axes": axes, "datasets": data}]
+    return volume
+
+
+def test_a_damaged_chunk_of_a_zarr_image_is_told_in_a_sentence(tmp_path: Path) -> None:
+    image = tmp_path / "image.zarr"
+    image_zarr(image)
+    (image / "0" / "0.0.0").write_bytes(bytes(range(100)))
+    result = run("segment", image, tmp_path / "labels.zarr")
+    assert result.exit_code == 1
+    assert isinstance(result.exception, SystemExit)
+    assert "image.zarr" in result.output
+    assert not (tmp_path / "labels.zarr").exists()
+
+
+@pytest.mark.parametrize("moved", [False, True])
+def test_labels_in_zarr_lie_where_the_image_in_zarr_does(tmp_path: Path, moved: bool) -> None:
+    image, output = tmp_path / "image.zarr", tmp_path / "labels.zarr"
+    image_zarr(image, *[{"type": "translation", "translation": [100, 200, 300]}] * moved)
+    assert run("segment", image, output).exit_code == 0
+    there, here = load_volume(image).scanner_from_scan, load_volume(output).scanner_from_scan
+    if not moved:
+        assert there is here is None
+        return
+    np.testing.assert_array_equal(here, there)
+    np.testing.assert_array_equal((here @ [2, 1, 1, 1])[:3], [301, 201, 102])
+
+
+def test_a_direction_or_a_view_that_cannot_be_is_refused_before_the_work(
+    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def never(*args: object, **settings: object) -> None:
+        raise AssertionError("the work began")
+
+    monkeypatch.setattr("napari_unpack.segmentation.segment", never)
+    volume = tmp_path / "volume.npz"
+    np.savez(volume, volume=load_volume(bag).volume)
+    output = tmp_path / "out"
+    for arguments, sentence in (
+        (("order", volume, "--direction", "sideways"), "direction must be one of"),
+        (("render", volume, tmp_path / "a.png", "--view", "nan", 0, 0), "direction must be"),
+        (("batch", volume, "-o", output, "--direction", "sideways"), "direction must be one of"),
+    ):
+        result = run(*arguments)
+        assert result.exit_code == 1
+        assert sentence in " ".join(result.output.split())
+    # Nor is the folder claimed by a run that could not be.
+    assert not output.exists()

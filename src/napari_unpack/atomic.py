@@ -233,16 +233,16 @@ def folder_written_atomically(path: str | Path, is_ours: Callable[[Path], bool])
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def holds_only(folder: Path, is_ours: Callable[[str], bool]) -> bool:
+def holds_only(folder: Path, belongs: Callable[[str], bool]) -> bool:
     """Tell whether all in a folder is of one kind, but for what file managers leave there.
 
     Parameters
     ----------
     folder : Path
-    is_ours : callable
+    belongs : callable
         Told a name in it.
     """
-    return all(is_ours(file.name) or file.name in LEFT_BY_SYSTEMS for file in folder.iterdir())
+    return all(belongs(file.name) or file.name in LEFT_BY_SYSTEMS for file in folder.iterdir())
 
 
 def recover_folder(path: Path) -> None:

@@ -52,10 +52,6 @@ def main() -> None:
     app()
 
 
-# What a user can cause; Python has numbers of any size, libraries have not.
-TOLD = (ValueError, TypeError, OSError, ImportError, OverflowError)
-
-
 def _command(**settings: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Make a command of a function, by its name without the underscore."""
 
@@ -65,7 +61,15 @@ def _command(**settings: Any) -> Callable[[Callable[..., None]], Callable[..., N
         def run(*args: Any, **kwargs: Any) -> None:
             try:
                 command(*args, **kwargs)
-            except (*TOLD, MemoryError) as error:
+            # Overflow: Python has numbers of any size, libraries have not.
+            except (
+                ValueError,
+                TypeError,
+                OSError,
+                ImportError,
+                MemoryError,
+                OverflowError,
+            ) as error:
                 typer.echo(f"error: {error}", err=True)
                 raise typer.Exit(1) from error
 

@@ -117,7 +117,13 @@ def test_a_name_that_is_made_is_nobodys(tmp_path: Path) -> None:
     assert names[2] == "in-s-2"
 
 
-def test_a_folder_that_leads_back_into_itself_is_looked_through_once(tmp_path: Path) -> None:
-    (tmp_path / "a.npz").write_bytes(b"-")
-    (tmp_path / "self").symlink_to(tmp_path)
-    assert [one.volume.name for one in find_inputs([tmp_path])] == ["a.npz"]
+def test_links_to_folders_are_followed_and_round_in_a_circle_once(tmp_path: Path) -> None:
+    folder, elsewhere = tmp_path / "study", tmp_path / "disk"
+    folder.mkdir()
+    elsewhere.mkdir()
+    (folder / "a.npz").write_bytes(b"-")
+    (elsewhere / "b.npz").write_bytes(b"-")
+    (folder / "self").symlink_to(folder)
+    (folder / "patient").symlink_to(elsewhere)
+    (elsewhere / "back").symlink_to(folder)
+    assert [one.volume.name for one in find_inputs([folder])] == ["a.npz", "b.npz"]

@@ -64,19 +64,11 @@ def test_what_file_managers_leave_in_it_keeps_nobody_from_saving(
     assert not (folder / ".DS_Store").exists()
 
 
-@pytest.mark.parametrize("inside", ["scan.npz", "volume.npz"])
-def test_a_session_does_not_refer_to_what_saving_it_takes_away(tmp_path: Path, inside: str) -> None:
+def test_a_session_does_not_refer_to_what_saving_it_takes_away(tmp_path: Path) -> None:
     session, folder = plates(), tmp_path / "bag"
     nu.save_session(session, folder)
-    kept = folder / inside
-    if inside == "scan.npz":
-        folder.joinpath("session.json").unlink()
-        for file in folder.iterdir():
-            file.unlink()
-        folder.rmdir()
-        folder.mkdir()
-        np.savez(kept, volume=session.volume)
+    kept = folder / "volume.npz"
     before = kept.read_bytes()
-    with pytest.raises(ValueError, match=r"holds something else|would replace"):
+    with pytest.raises(ValueError, match="would replace: choose another name"):
         nu.save_session(session, folder, copy=False, volume_path=kept)
     assert kept.read_bytes() == before

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
 import napari_unpack as nu
+from napari_unpack.segmentation.training import oracle_examples
+from napari_unpack.session.object_facts import reasons_of
 
 
 @cache
@@ -91,11 +94,6 @@ def test_the_method_of_the_paper_finds_the_same_in_ct_numbers() -> None:
 
 
 def test_learning_and_reasons_know_no_offset_either() -> None:
-    from dataclasses import replace
-
-    from napari_unpack.segmentation.training import oracle_examples
-    from napari_unpack.session.object_facts import reasons_of
-
     there = replace(bag(), volume=bag().volume.astype(np.float32) - 1000)
     for rows, moved in zip(oracle_examples(bag()), oracle_examples(there), strict=True):
         np.testing.assert_allclose(moved, rows, atol=0.05, rtol=0.05)
@@ -104,3 +102,13 @@ def test_learning_and_reasons_know_no_offset_either() -> None:
         session = nu.Session(one.volume, one.labels, one.spacing)
         names.append([reasons_of(session, i) for i in session.ids])
     assert names[0] == names[1]
+
+
+def test_repairs_rate_by_no_offset_either() -> None:
+    rated = []
+    for offset in (0.0, -1000.0):
+        volume = bag().volume.astype(np.float32) + offset
+        session = nu.Session(volume, bag().labels, bag().spacing)
+        session.merge(session.ids[:2])
+        rated.append(session.objects["confidence"].to_numpy(float))
+    np.testing.assert_allclose(rated[1], rated[0], atol=0.03)

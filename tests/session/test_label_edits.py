@@ -311,6 +311,12 @@ def test_what_people_set_goes_along_with_a_repair() -> None:
     made.undo()
     assert [p.object_id for p in made.state.measurements[0].points] == [2, 3]
 
+    # A point of nothing stays one, whatever is painted; what nothing moved is the same as before.
+    made.measurements.add([SurfacePoint(0, (1, 1, 1)), SurfacePoint(3, (4, 16, 40))])
+    before = made.state.measurements
+    made.split(1, LEFT, RIGHT)
+    assert made.state.measurements is before
+
 
 def test_a_label_that_is_used_anew_has_nothing_of_the_deleted_object() -> None:
     made = session()

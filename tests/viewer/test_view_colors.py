@@ -70,14 +70,18 @@ def test_touching_cells_of_a_2d_layer_differ_and_old_colours_come_back(viewer, q
     assert layer.colormap is before
 
 
-def test_old_colours_come_back_to_a_layer_that_only_menus_hand_over(viewer, qtbot):
-    before = viewer.add_labels(cells(np.uint8)).colormap
+def test_old_colours_come_back_through_the_proxies_that_menus_hand_over(
+    make_napari_viewer_proxy, qtbot
+):
+    viewer = make_napari_viewer_proxy(show=True)
+    viewer.add_labels(cells(np.uint8))
+    before = viewer.layers[0].get_color(5)
     colored(viewer, qtbot)
     # Whatever stood for the layer in between is gone.
     gc.collect()
-    assert viewer.layers[0].colormap is not before
+    assert not np.array_equal(viewer.layers[0].get_color(5), before)
     restore_colors(viewer)
-    assert viewer.layers[0].colormap is before
+    np.testing.assert_array_equal(viewer.layers[0].get_color(5), before)
 
 
 def test_a_slice_of_a_volume_colours_what_is_in_it(viewer, qtbot):

@@ -24,7 +24,7 @@ from napari_unpack.tasks import Task
 from napari_unpack.viewer.label_sync import LabelSync
 from napari_unpack.viewer.scheduler import Worker
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
-from opened_panel import controller_with, press
+from opened_panel import at_rest, controller_with, press
 from viewer_fixtures import canvas
 
 BELL, CUBE, SLAB = 1, 2, 3
@@ -257,6 +257,28 @@ def test_a_brush_on_the_users_layer_reaches_the_session(
     assert session.states[CUBE].name == "HIDDEN"
     qtbot.wait(500)
     assert np.array_equal(session.labels, first)
+
+
+def test_back_in_3d_the_undo_key_takes_a_stroke_out_of_labels_and_objects_alike(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
+) -> None:
+    layer, first = viewer.layers["found"], session.labels.copy()
+    packed = panel.workspace.controller.packed
+    viewer.dims.ndisplay = 2
+    layer.visible = True
+    viewer.dims.set_point(0, 30)
+    viewer.layers.selection.active = layer
+    layer.brush_size, layer.selected_label = 9, 9
+    layer.paint((30, 20, 20), 9)
+    qtbot.waitUntil(lambda: 9 in session.ids, timeout=10000)
+    viewer.dims.ndisplay = 3
+    assert viewer.layers.selection.active == packed
+    at_rest(panel.workspace.controller, qtbot)
+    canvas = compat.native_canvas(viewer).native
+    QTest.keyClick(canvas, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
+    qtbot.waitUntil(lambda: 9 not in session.ids, timeout=10000)
+    assert np.array_equal(session.labels, first)
+    assert np.array_equal(layer.data, first)
 
 
 @pytest.mark.parametrize(

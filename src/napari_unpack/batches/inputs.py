@@ -90,7 +90,7 @@ def _scans(path: Path) -> Iterator[ScanInput]:
     if suffix_of(path) in TABLES and path.is_file():
         yield from _listed(path)
     elif path.is_dir() and not _is_volume(path):
-        yield from map(_scan, _inside(path))
+        yield from map(_scan, _inside(path, frozenset()))
     else:
         yield _scan(path)
 
@@ -100,16 +100,19 @@ def _scan(path: Path) -> ScanInput:
     return ScanInput(path, stem_of(path) or path.name, beside if beside.exists() else None)
 
 
-def _inside(folder: Path) -> Iterator[Path]:
-    """Yield all volumes in a folder and in those below it."""
-    # A link to a folder may lead round in a circle.
-    entries = sorted(e for e in folder.iterdir() if not (e.is_symlink() and e.is_dir()))
+def _inside(folder: Path, above: frozenset[Path]) -> Iterator[Path]:
+    """Yield all volumes in a folder and in those below it, given the real ones that lead to it."""
+    real = folder.resolve()
+    # A link may lead round in a circle.
+    if real in above:
+        return
+    entries = sorted(folder.iterdir())
     files = [e for e in entries if e.is_file() and suffix_of(e) in READABLE]
     yield from _without_labels(files)
     for entry in entries:
         # What starts with a point is hidden, or half written; results are no inputs.
         if entry.is_dir() and not entry.name.startswith(".") and not is_run(entry):
-            yield from [entry] if _is_volume(entry) else _inside(entry)
+            yield from [entry] if _is_volume(entry) else _inside(entry, above | {real})
 
 
 def _is_volume(folder: Path) -> bool:

@@ -83,8 +83,8 @@ def segment_zarr(
     from napari_unpack.segmentation.working_grid import WORKING_VOXELS
 
     with read_errors_told(source, "a Zarr image"):
-        array, spacing, assumed = stored_volume(source)
-    for sentence in assumed:
+        array, stored = stored_volume(source)
+    for sentence in stored.assumed:
         if say is not None:
             say(f"note: {source.name}: {sentence}")
     check_space(output, 4 * array.size // SHRUNK)
@@ -97,11 +97,13 @@ def segment_zarr(
             stack.enter_context(losses_told())
             check_versions(client)
         place = stack.enter_context(folder_written_atomically(output, _is_zarr))
-        labels = stack.enter_context(labels_zarr(place, array.shape, "int32", spacing))
+        labels = stack.enter_context(
+            labels_zarr(place, array.shape, "int32", stored.spacing, stored.scanner_from_scan)
+        )
         with _damage_told(source):
             found = segment(
                 array,
-                spacing,
+                stored.spacing,
                 progress=progress,
                 smallest=smallest,
                 grainy=grainy,
@@ -117,8 +119,9 @@ def _damage_told(source: Path) -> Iterator[None]:
     try:
         yield
     except (RuntimeError, zlib.error) as error:
-        # Chunks are unpacked while objects are found, long after the image was opened.
-        raise ValueError(f"{source} could not be read to its end: {error}") from error
+        # Chunks are unpacked while objects are found, long after the image was opened; what unpacks
+        # them has errors of no type of its own.
+        raise ValueError(f"{source}: {error}; is one of its chunks damaged?") from error
 
 
 def _is_zarr(folder: Path) -> bool:

@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from napari_unpack.atomic import written_atomically
-from napari_unpack.geometry.view import FROM_ABOVE
+from napari_unpack.geometry.view import FROM_ABOVE, View
 from napari_unpack.io.scan import Scan
 from napari_unpack.io.session_archive import ArrayFacts
+from napari_unpack.unpacking.direction import checked_direction
 
 FORMAT, VERSION = "napari-unpack batch", 1
 RUN, SCANS = "run.json", "scans"
@@ -60,6 +61,9 @@ class Settings:
     def __post_init__(self) -> None:
         if self.labels not in LABEL_FORMATS:
             raise ValueError(f"labels must be npz or zarr, got {self.labels!r}")
+        # Before any scan: each would fail by it.
+        View(self.view)
+        checked_direction(self.direction)
 
     def record(self) -> dict[str, Any]:
         """Return them as plain data, with the version whose results they decide."""

@@ -160,7 +160,7 @@ def _write(session: Session, scan: ScanInput, data: Scan, settings: Settings, fo
         movie(session, folder / FILM, backend="cpu")
     labels = given_labels(session)
     if settings.labels == "zarr":
-        write_labels_zarr(folder / "labels.ome.zarr", labels, data.spacing)
+        write_labels_zarr(folder / "labels.ome.zarr", labels, data.spacing, data.scanner_from_scan)
     else:
         write_labels_npz(folder / "labels.npz", labels, data.spacing)
     save_session(session, folder / SESSION, settings.copies, volume_path=scan.volume)

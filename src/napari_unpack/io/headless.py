@@ -47,7 +47,11 @@ def open_scan(
     # Imported late: they load numba and the network, which labels in the file make needless.
     from napari_unpack.segmentation import segment
     from napari_unpack.session import Session
+    from napari_unpack.unpacking.direction import checked_direction
 
+    z, y, x = (float(v) for v in view)
+    # Before the long work: what cannot be is told at once.
+    looking, leaving = View((z, y, x)), checked_direction(direction)
     labels, objects, evidence = scan.labels, named_objects(scan.names), None
     if labels is None:
         found = segment(scan.volume, scan.spacing, progress=progress, **settings)
@@ -57,10 +61,9 @@ def open_scan(
     # Before the view: colours are chosen from rays, which the backend casts.
     session.backend, session.scanner_from_scan = backend, scan.scanner_from_scan
     session.assumed = scan.assumed
-    z, y, x = (float(v) for v in view)
-    session.view = View((z, y, x))
-    if direction is not None:
-        session.direction = direction
+    session.view = looking
+    if leaving is not None:
+        session.direction = leaving
     # Once the view is set: hues follow which objects overlap in it.
     session.recolor()
     return session

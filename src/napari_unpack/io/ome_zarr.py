@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from napari_unpack.file_sizes import TooLargeError, check_size, stored_size
+from napari_unpack.geometry.axes import Matrix
 from napari_unpack.io.file_data import NO_UNIT, NO_VOXEL_SIZE, SPACE, FileData, in_millimetres
 from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import (
@@ -112,7 +113,9 @@ def _levels(node: Any) -> list[Any]:
     return [dask.from_zarr(node[level["path"]]) for level in scales[0]["datasets"]]
 
 
-def write_labels_zarr(path: Path, labels: NDArray[Any], spacing: Spacing) -> None:
+def write_labels_zarr(
+    path: Path, labels: NDArray[Any], spacing: Spacing, place: Matrix | None = None
+) -> None:
     """Write labels as a multiscale OME-Zarr label image (NGFF 0.4), which `load_labels` reads.
 
     Parameters
@@ -121,13 +124,15 @@ def write_labels_zarr(path: Path, labels: NDArray[Any], spacing: Spacing) -> Non
         A new folder.
     labels : (Z, Y, X) ndarray of int
     spacing : (float, float, float) of mm, z y x
+    place : (4, 4) ndarray of float64, optional
+        See `labels_zarr`.
 
     Raises
     ------
     ImportError
         If zarr is missing.
     """
-    with labels_zarr(path, labels.shape, labels.dtype, spacing) as finest:
+    with labels_zarr(path, labels.shape, labels.dtype, spacing, place) as finest:
         finest[...] = labels
 
 
@@ -152,7 +157,11 @@ def new_label_array(path: Path, shape: tuple[int, ...], dtype: DTypeLike) -> Any
 
 @contextmanager
 def labels_zarr(
-    path: Path, shape: tuple[int, ...], dtype: DTypeLike, spacing: Spacing
+    path: Path,
+    shape: tuple[int, ...],
+    dtype: DTypeLike,
+    spacing: Spacing,
+    place: Matrix | None = None,
 ) -> Iterator[Any]:
     """Give an array for labels of any size; it becomes the finest level of a label image.
 
@@ -163,6 +172,9 @@ def labels_zarr(
     shape : (int, int, int)
     dtype : dtype of int
     spacing : (float, float, float) of mm, z y x
+    place : (4, 4) ndarray of float64, optional
+        From the scan to the scanner, see `FileData`; kept where the scan is moved alone, as the
+        format has no turns.
 
     Yields
     ------
@@ -175,7 +187,8 @@ def labels_zarr(
         If zarr is missing.
     """
     zarr = needed("zarr", "zarr", "writing OME-Zarr")
-    node, datasets = zarr.open_group(str(path), mode="w", zarr_format=2), [_level(0, spacing)]
+    node, origin = zarr.open_group(str(path), mode="w", zarr_format=2), _origin(place)
+    datasets = [_level(0, spacing, origin)]
     fine = _new_level(node, 0, shape, dtype)
     yield fine
     while max(fine.shape) >= 2 * SMALLEST_LEVEL:
@@ -185,7 +198,7 @@ def labels_zarr(
         for z in range(0, coarse.shape[0], CHUNK):
             # Every second voxel as it is: a mean of labels is none.
             coarse[z : z + CHUNK] = fine[2 * z : 2 * (z + CHUNK) : 2, ::2, ::2]
-        datasets.append(_level(number, spacing))
+        datasets.append(_level(number, spacing, origin))
         fine = coarse
     axes = [{"name": axis, "type": "space", "unit": "millimeter"} for axis in SPACE]
     # Last: without them it is no image.
@@ -201,15 +214,25 @@ def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
     return tuple(min(n, CHUNK) for n in shape)
 
 
-def _level(number: int, spacing: Spacing) -> dict[str, Any]:
-    scale = {"type": "scale", "scale": [mm * 2**number for mm in spacing]}
-    return {"path": str(number), "coordinateTransformations": [scale]}
+def _level(number: int, spacing: Spacing, origin: list[float] | None) -> dict[str, Any]:
+    steps = [{"type": "scale", "scale": [mm * 2**number for mm in spacing]}]
+    if origin is not None:
+        # The first voxel of every level is that of the finest.
+        steps.append({"type": "translation", "translation": origin})
+    return {"path": str(number), "coordinateTransformations": steps}
 
 
-def stored_volume(path: Path) -> tuple[Any, Spacing, tuple[str, ...]]:
+def _origin(place: Matrix | None) -> list[float] | None:
+    """Return where a scan begins, mm z y x, None where it is turned or nobody knows."""
+    if place is None or not np.allclose(place[:3, :3], np.eye(3)[::-1]):
+        return None
+    return [float(mm) for mm in place[2::-1, 3]]
+
+
+def stored_volume(path: Path) -> tuple[Any, FileData]:
     """Return the finest level of a multiscale image with the axes z, y, x, which is not read.
 
-    With it its voxel size, and a sentence for each thing that had to be assumed.
+    With it what is said of it: data without a volume.
 
     Parameters
     ----------
@@ -224,16 +247,14 @@ def stored_volume(path: Path) -> tuple[Any, Spacing, tuple[str, ...]]:
     """
     node = _opened(path)
     if not hasattr(node, "keys"):
-        array, letters, spacing = node, SPACE, checked_spacing(np.ones(3), path)
-        assumed: tuple[str, ...] = (NO_VOXEL_SIZE,)
+        array, found = node, FileData(None, assumed=(NO_VOXEL_SIZE,))
     else:
         array, found = _described(node, path)
-        letters, spacing, assumed = found.axes, found.spacing, found.assumed
-    if letters != SPACE or array.ndim != len(SPACE):
+    if found.axes != SPACE or array.ndim != len(SPACE):
         raise ValueError(
-            f"{path} must hold one volume with axes z, y, x, got {letters} and {array.ndim} axes"
+            f"{path} must hold one volume with axes z, y, x, got {found.axes} and {array.ndim} axes"
         )
-    return array, spacing, assumed
+    return array, found
 
 
 def _opened(path: Path) -> Any:
@@ -309,9 +330,7 @@ def _described(node: Any, path: Path) -> tuple[Any, FileData]:
     if "translation" in said:
         # The format names no side of a body: x, y and z are those of the scanner, as in ITK.
         place = np.eye(4)
-        place[:3] = np.array(
-            [[0, 0, 1.0, origin["x"]], [0, 1, 0, origin["y"]], [1, 0, 0, origin["z"]]]
-        )
+        place[:3, :3], place[:3, 3] = np.eye(3)[::-1], [origin[axis] for axis in "xyz"]
     said_of = FileData(None, letters, spacing, None, tuple(assumed), checked_place(place, path))
     return array, said_of
 

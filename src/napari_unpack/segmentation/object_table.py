@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.common.array_source import Box, face_steps, framed
-from napari_unpack.segmentation.common.density_regions import from_air
+from napari_unpack.segmentation.common.density_regions import air_offset
 from napari_unpack.segmentation.common.region import Oracle, Region
 from napari_unpack.segmentation.common.validation import Spacing, in_common_range
 from napari_unpack.segmentation.confidence.oracle import default_oracle
@@ -148,12 +148,14 @@ def confidences(
     labels, density, spacing, oracle, share
         As for `object_table`.
     """
-    boxes, density = label_boxes(labels), from_air(in_common_range(density)[0], labels)
+    boxes, density = label_boxes(labels), in_common_range(density)[0]
+    air = air_offset(density, labels)
     confidence_of = oracle or default_oracle()
     found = {}
     for name in share.over(boxes.ids.tolist()):
         box = boxes.slices(name)
-        value = float(confidence_of(Region.of(labels[box] == name, density, box, spacing)))
+        region = Region.of(labels[box] == name, density, box, spacing, air)
+        value = float(confidence_of(region))
         found[name] = value if np.isfinite(value) else 0.0
     return found
 

@@ -30,7 +30,7 @@ from napari_unpack.segmentation.common.validation import (
     checked_spacing,
     checked_volume,
     in_common_range,
-    measured_alone,
+    without_infinities,
 )
 from napari_unpack.segmentation.confidence.oracle import default_oracle
 from napari_unpack.segmentation.foreground.denoising import (
@@ -263,7 +263,7 @@ def _segmented(
             )
         share(1.0, f"{len(table)} objects")
         return Segmentation(labels, table)
-    density = measured_alone(checked_volume(np.asarray(source.array)))
+    density = without_infinities(checked_volume(np.asarray(source.array)))
     noted = Steps()
     finding = share.part(0.0, 0.95, "Reading the volume")
     labels = _segment_grid(density, size, finding, wanted, noted)

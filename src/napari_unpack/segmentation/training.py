@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.common.adjacency import touching_area_matrix
-from napari_unpack.segmentation.common.density_regions import from_air
+from napari_unpack.segmentation.common.density_regions import air_offset
 from napari_unpack.segmentation.common.region import Region, bounding_box
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.confidence.features import features
@@ -33,10 +33,10 @@ def true_objects(
     smallest : int
         Voxels.
     """
-    boxes = label_boxes(labels)
+    boxes, air = label_boxes(labels), air_offset(density, labels)
     for name in boxes.ids[boxes.counts >= smallest].tolist():
         box = boxes.slices(name)
-        yield Region.of(labels[box] == name, density, box, spacing)
+        yield Region.of(labels[box] == name, density, box, spacing, air)
 
 
 def merged_pairs(
@@ -59,10 +59,11 @@ def merged_pairs(
     area = touching_area_matrix(compact, spacing)
     surface = area.sum(axis=1)
     touching = area > least * np.minimum.outer(surface, surface)
+    air = air_offset(density, labels)
     for one, two in np.argwhere(np.triu(touching[1:, 1:], 1)) + 1:
         both = (compact == one) | (compact == two)
         box = bounding_box(both)
-        yield Region.of(both[box], density, box, spacing)
+        yield Region.of(both[box], density, box, spacing, air)
 
 
 class Labelled(Protocol):
@@ -183,10 +184,9 @@ def oracle_examples(
     if bag.labels is None or bag.labels.shape != bag.volume.shape or not bag.labels.any():
         raise ValueError("a volume to learn from needs labels of its own shape; segment it first")
     a, b, c = (float(v) for v in bag.spacing)
-    density = from_air(bag.volume, bag.labels)
-    objects = list(true_objects(density, bag.labels, (a, b, c)))
+    objects = list(true_objects(bag.volume, bag.labels, (a, b, c)))
     share(0.1)
-    merged = list(merged_pairs(density, bag.labels, (a, b, c)))
+    merged = list(merged_pairs(bag.volume, bag.labels, (a, b, c)))
     halved = list(halves(objects, np.random.default_rng(seed)))
     good = [features(region) for region in share.part(0.2, 0.5).over(objects)]
     bad = [features(region) for region in share.part(0.5, 1.0).over(merged + halved)]

@@ -11,8 +11,8 @@ import numpy as np
 from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.rendering.object_style import ObjectStyle
-from napari_unpack.session.labels import Edit, heir_of, origin_of
-from napari_unpack.session.measurements import Measurement
+from napari_unpack.session.labels import Edit, origin_of
+from napari_unpack.session.measurements import Measurement, SurfacePoint
 from napari_unpack.session.occlusion import NextUnpackable, OcclusionResult
 from napari_unpack.session.state import Group, Placement, SessionState
 from napari_unpack.unpacking import Queue
@@ -331,7 +331,7 @@ def edit_labels(
         _left(state, edit.change.touched),
         hues=_of_known(state.hues, known) | dict(new_hues),
         names=_of_known(state.names, known) | parts,
-        measurements=tuple(_followed(m, edit, known) for m in state.measurements),
+        measurements=_followed(state.measurements, edit, known),
         colors=_of_known(state.colors, known),
         notes=_of_known(state.notes, known),
         flags=_of_known(state.flags, known),
@@ -345,19 +345,21 @@ def edit_labels(
     )
 
 
-def _followed(measurement: Measurement, edit: Edit, known: frozenset[int]) -> Measurement:
+def _followed(
+    measurements: tuple[Measurement, ...], edit: Edit, known: frozenset[int]
+) -> tuple[Measurement, ...]:
     """Have points of an object that was merged into another go along with that."""
-    heirs = {
-        p.object_id: heir_of(edit.change, p.object_id)
-        for p in measurement.points
-        if p.object_id and p.object_id not in known
-    }
-    if not any(heirs.values()):
-        return measurement
-    points = (
-        replace(p, object_id=heirs.get(p.object_id) or p.object_id) for p in measurement.points
+    back = edit.change.reverse()
+
+    def owner(point: SurfacePoint) -> int:
+        gone = point.object_id and point.object_id not in known
+        return (gone and origin_of(back, point.object_id)) or point.object_id
+
+    followed = tuple(
+        replace(one, points=tuple(replace(p, object_id=owner(p)) for p in one.points))
+        for one in measurements
     )
-    return replace(measurement, points=tuple(points))
+    return measurements if followed == measurements else followed
 
 
 def _of_known(values: Mapping[int, T], known: frozenset[int]) -> dict[int, T]:

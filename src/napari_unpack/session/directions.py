@@ -182,22 +182,21 @@ def find_reveal_plan(
     # Too many objects for tables: nothing can be proposed.
     if not survey[1].directions:
         raise NoTableError.of(len(packed))
-    # The survey is coarse and only proposes; the voxels decide, along D and along its best. Where
-    # they want more of it than it said, the next best may be better.
-    proposed = reveal_plans(survey[1].directions, packed, target, near)
-    least: RevealPlan | None = None
     learnt: list[tuple[OcclusionKey, OcclusionResult]] = []
-    for said in (replace(proposed[0], direction=near), *proposed[:MOST_PROPOSALS]):
-        if len(learnt) > 1 and least is not None and len(said.ids) >= len(least.ids):
-            break
-        occlusion = along(said.direction)
-        blocking = occlusion[1].blocking
+
+    def exact(direction: Vector) -> RevealPlan:
+        learnt.append(along(direction))
+        blocking = learnt[-1][1].blocking
         if blocking is None:
             raise NoTableError.of(len(packed))
-        plan = replace(said, ids=frozenset(blocking.among(packed).needed(target)))
-        learnt.append(occlusion)
-        # Ties go to D, which is looked along first.
-        if least is None or len(plan.ids) < len(least.ids):
-            least = plan
-    assert least is not None
+        return RevealPlan(target, direction, frozenset(blocking.among(packed).needed(target)))
+
+    # The survey is coarse and only proposes; the voxels decide, along D and along its best. Where
+    # they want more of it than it said, the next best may be better. Ties go to D.
+    least = exact(near)
+    proposed = reveal_plans(survey[1].directions, packed, target, near)
+    for k, said in enumerate(proposed[:MOST_PROPOSALS]):
+        if k and len(said.ids) >= len(least.ids):
+            break
+        least = min(least, exact(said.direction), key=lambda plan: len(plan.ids))
     return RevealResult(least, (survey, *learnt))

@@ -190,7 +190,8 @@ class Document:
             self.enter(commands.inspect(found[1], None))
         except ValueError:
             # Refused before anything has changed, such as a plane too many: nor did the step.
-            _ = history.redo(self.state) if way == "undo" else history.undo(self.state)
+            back = history.redo if way == "undo" else history.undo
+            back(self.state)
             raise
         return found[0].verb
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -271,13 +272,14 @@ class LabelEditor:
 
         oracle = self.oracle or default_oracle()
         z, y, x = (float(v) for v in self._session.spacing)
-        air = air_offset(self._session.volume, self._session.label_data.labels)
+        volume, labels = self._session.volume, self._session.label_data.labels
+        # Once asked, by the worker: it looks through the whole volume.
+        air = cache(lambda: air_offset(volume, labels))
 
         def confidence(
             mask: NDArray[np.bool_], density: NDArray[Any], first: tuple[int, int, int]
         ) -> float:
-            lifted = density.astype(np.float32) - np.float32(air) if air else density
-            return float(oracle(Region(mask, lifted, first, (z, y, x))))
+            return float(oracle(Region(mask, density, first, (z, y, x), air=air())))
 
         return confidence
 

@@ -452,22 +452,7 @@ def origin_of(change: LabelEdit, object_id: int) -> int:
     change : LabelEdit
     object_id : int
     """
-    return _most_often(change.before[change.after == object_id])
-
-
-def heir_of(change: LabelEdit, object_id: int) -> int:
-    """Return the object most of a vanished one's voxels went to, 0 for the background.
-
-    Parameters
-    ----------
-    change : LabelEdit
-    object_id : int
-    """
-    return _most_often(change.after[change.before == object_id])
-
-
-def _most_often(ids: NDArray[np.integer[Any]]) -> int:
-    values, counts = np.unique(ids, return_counts=True)
+    values, counts = np.unique(change.before[change.after == object_id], return_counts=True)
     return int(values[counts.argmax()]) if len(values) else 0
 
 

@@ -84,7 +84,7 @@ def reasons_of(session: Session, object_id: int) -> tuple[str, ...]:
     session : Session
     object_id : int
     """
-    from napari_unpack.segmentation.common.density_regions import from_air
+    from napari_unpack.segmentation.common.density_regions import air_offset
     from napari_unpack.segmentation.common.region import Region
     from napari_unpack.segmentation.confidence.features import features
     from napari_unpack.segmentation.confidence.oracle import Oracle, default_oracle
@@ -96,8 +96,8 @@ def reasons_of(session: Session, object_id: int) -> tuple[str, ...]:
     bag = session.bag
     box = bag.boxes.slices(object_id)
     z, y, x = (float(v) for v in session.spacing)
-    density = from_air(session.volume, bag.labels)
-    region = Region.of(bag.labels[box] == object_id, density, box, (z, y, x))
+    air = air_offset(session.volume, bag.labels)
+    region = Region.of(bag.labels[box] == object_id, session.volume, box, (z, y, x), air)
     return reasons(oracle, features(region))
 
 

@@ -34,6 +34,7 @@ from napari_unpack.session.state import Group, Placement, SessionState, Unpackin
 from napari_unpack.session.validation import checked_kind, checked_labels, checked_volume
 from napari_unpack.tasks import Task, no_progress
 from napari_unpack.unpacking import named
+from napari_unpack.unpacking.direction import checked_direction
 from napari_unpack.unpacking.direction_survey import BestDirection, RevealPlan
 
 if TYPE_CHECKING:
@@ -437,11 +438,7 @@ class Session:
 
     @direction.setter
     def direction(self, direction: str | Sequence[float] | None) -> None:
-        wanted: str | tuple[float, float, float] | None
-        if direction is None or (isinstance(direction, str) and direction in ("view", "up")):
-            wanted = "up" if direction == "up" else None
-        else:
-            wanted = triple(named(direction))
+        wanted = checked_direction(direction)
         if wanted != self.state.direction:
             self._doc.commit("direction", replace(self.state, direction=wanted))
 

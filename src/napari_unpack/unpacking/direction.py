@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from napari_unpack.geometry.axes import Vector, unit
+from napari_unpack.geometry.axes import Vector, triple, unit
 from napari_unpack.geometry.view import GRAVITY_UP, Camera
 from napari_unpack.unpacking.oriented_box import OrientedBox
 
@@ -53,6 +53,21 @@ def bag_up(box: OrientedBox, table: Sequence[float] = GRAVITY_UP) -> Vector:
     if abs(rise) < 1e-3:
         rise = -float(normal[int(np.abs(normal).argmax())])
     return normal if rise > 0 else -normal
+
+
+def checked_direction(
+    direction: str | Sequence[float] | None,
+) -> str | tuple[float, float, float] | None:
+    """Return D as asked for: None (opposite of the view), "up" (the bag's), or world (z, y, x).
+
+    Raises
+    ------
+    ValueError
+        As `named`; "view" is None.
+    """
+    if direction is None or (isinstance(direction, str) and direction in ("view", "up")):
+        return "up" if direction == "up" else None
+    return triple(named(direction))
 
 
 def named(direction: str | Sequence[float]) -> Vector:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from napari_unpack.layers import compat
@@ -175,4 +174,7 @@ class ControllerConnections:
         one = self._controller
         # One layer without the others would show half a session.
         if event.value in one.layers:
-            (one.layer_removed or partial(close_without_layer, one))()
+            if one.layer_removed is None:
+                close_without_layer(one)
+            else:
+                one.layer_removed()

@@ -33,7 +33,7 @@ class HiddenVolumes:
         # Empty slices would look like a fault.
         if not any(self._before[layer] for layer in sources):
             self._in_slices |= dict.fromkeys(sources, True)
-        self._sliced = False
+        self._sliced, self._active = False, viewer.layers.selection.active
         self._show(dict.fromkeys(layers, False))
         viewer.dims.events.ndisplay.connect(self._follow)
 
@@ -51,12 +51,17 @@ class HiddenVolumes:
         if sliced == self._sliced:
             return
         self._sliced = sliced
+        selection = self._viewer.layers.selection
         if sliced:
+            self._active = selection.active
             self._show(self._in_slices)
         else:
             # What the user switched on and off in slices holds when they come back.
             self._in_slices = {layer: bool(layer.visible) for layer in self._in_slices}
             self._show(dict.fromkeys(self._in_slices, False))
+            # The active layer gets the keys: Ctrl+Z would take a stroke out of labels unseen.
+            if selection.active in self._in_slices and self._active in self._viewer.layers:
+                selection.active = self._active
 
     def _show(self, shown: Mapping[Layer, bool]) -> None:
         for layer, visible in shown.items():

@@ -10,7 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from napari_unpack.segmentation.common.validation import block_dtype, checked_form, measured_alone
+from napari_unpack.segmentation.common.validation import (
+    block_dtype,
+    checked_form,
+    without_infinities,
+)
 
 Box = tuple[slice, slice, slice]
 
@@ -50,7 +54,7 @@ class Source:
         """Return the densities in a box, not copied where the array is an ndarray."""
         with self.lock:
             block = np.asarray(self.array[box])
-        return measured_alone(block.astype(self.dtype, copy=False))
+        return without_infinities(block.astype(self.dtype, copy=False))
 
 
 def source_of(volume: ArrayLike | Any) -> Source:

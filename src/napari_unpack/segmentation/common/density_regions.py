@@ -63,18 +63,6 @@ def air_offset(density: NDArray[np.generic], labels: NDArray[Any]) -> float:
     return air if abs(air) > FAR_AIR * abs(float(np.median(held)) - air) else 0.0
 
 
-def from_air(density: NDArray[np.generic], labels: NDArray[Any]) -> NDArray[np.generic]:
-    """Return densities as an oracle knows them: from air on; copied where air is far from 0.
-
-    Parameters
-    ----------
-    density, labels
-        As for `air_offset`.
-    """
-    air = air_offset(density, labels)
-    return density.astype(np.float32) - np.float32(air) if air else density
-
-
 def log_density(
     density: NDArray[np.generic], mask: NDArray[np.bool_], scale: DensityScale
 ) -> NDArray[np.float32]:

@@ -32,7 +32,7 @@ class Neighbourhood:
     kinds : (P,) ndarray of uint8
         0 outside the volume, `BEYOND` or `INSIDE`.
     density : (P,) ndarray of float32 or float64
-        As exact as in the volume; 0 where none was measured.
+        From air on, as exact as in the volume; 0 where none was measured.
     jumps : (3,) ndarray of int64
         Places to the next voxel along z, y and x.
     """
@@ -45,7 +45,10 @@ class Neighbourhood:
 
     @staticmethod
     def of(
-        mask: NDArray[np.bool_], field: NDArray[np.generic], origin: NDArray[np.int64]
+        mask: NDArray[np.bool_],
+        field: NDArray[np.generic],
+        origin: NDArray[np.int64],
+        air: float = 0.0,
     ) -> Neighbourhood:
         """Return the neighbourhood of a region.
 
@@ -57,11 +60,15 @@ class Neighbourhood:
             Density, of the box or of the whole volume.
         origin : (3,) ndarray of int64
             First voxel of the box in `field`.
+        air : float
+            Density that becomes 0, as which what was not measured counts too.
         """
         first = origin.tolist()
         a, b, c = (slice(o, o + n) for o, n in zip(first, mask.shape, strict=True))
         # One type for nearly all volumes, so that the kernels are compiled once.
         density = framed(field, (a, b, c), 2, np.result_type(field.dtype, np.float32))
+        if air:
+            density -= np.asarray(air, density.dtype)
         density[~np.isfinite(density)] = 0
         volume = np.broadcast_to(np.uint8(BEYOND), field.shape)
         kinds = framed(volume, (a, b, c), 2, np.uint8)

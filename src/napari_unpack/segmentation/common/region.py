@@ -51,6 +51,8 @@ class Region:
     spacing : (float, float, float) of mm, z y x
     whole : ndarray, optional
         Density of the whole volume, so that what lies beyond the box can be seen.
+    air : float
+        Density of air, from which `confidence.features` counts; see `density_regions.air_offset`.
     """
 
     mask: NDArray[np.bool_]
@@ -58,10 +60,15 @@ class Region:
     origin: tuple[int, int, int]
     spacing: Spacing
     whole: NDArray[np.generic] | None = None
+    air: float = 0.0
 
     @staticmethod
     def of(
-        mask: NDArray[np.bool_], density: NDArray[np.generic], box: Box, spacing: Spacing
+        mask: NDArray[np.bool_],
+        density: NDArray[np.generic],
+        box: Box,
+        spacing: Spacing,
+        air: float = 0.0,
     ) -> Region:
         """Return the region of a mask in a box of a volume.
 
@@ -73,9 +80,11 @@ class Region:
             Of the whole volume.
         box : (slice, slice, slice)
         spacing : (float, float, float) of mm, z y x
+        air : float
+            See the class.
         """
         first = (box[0].start, box[1].start, box[2].start)
-        return Region(np.ascontiguousarray(mask), density[box], first, spacing, density)
+        return Region(np.ascontiguousarray(mask), density[box], first, spacing, density, air)
 
     @cached_property
     def voxels(self) -> int:
@@ -114,6 +123,7 @@ class Region:
             (first[0], first[1], first[2]),
             self.spacing,
             self.whole,
+            self.air,
         )
 
     @property
@@ -155,4 +165,4 @@ def united(one: Region, two: Region, density: NDArray[np.generic]) -> Region:
         a, b, c = (slice(s.start - o, s.stop - o) for s, o in zip(region.box, low, strict=True))
         mask[a, b, c] |= region.mask
     box = slice(low[0], high[0]), slice(low[1], high[1]), slice(low[2], high[2])
-    return Region.of(mask, density, box, one.spacing)
+    return Region.of(mask, density, box, one.spacing, one.air)

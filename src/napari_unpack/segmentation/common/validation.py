@@ -76,7 +76,7 @@ def block_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
     return dtype.newbyteorder("=")
 
 
-def measured_alone(values: NDArray[Any]) -> NDArray[Any]:
+def without_infinities(values: NDArray[Any]) -> NDArray[Any]:
     """Return densities with NaN for infinities, which say as well that nothing was measured.
 
     Parameters

@@ -130,8 +130,9 @@ def features(region: Region) -> NDArray[np.float64]:
     region = _thinned(region)
     spacing = np.array(region.spacing)
     depth = chamfer_depth(region.mask, region.spacing)
-    middle = max(abs(float(quantiles(region.values, [0.5])[0])), 1e-6)
-    around = Neighbourhood.of(region.mask, *region.field)
+    around = Neighbourhood.of(region.mask, *region.field, region.air)
+    values = around.density[around.voxels].astype(np.float32)
+    middle = max(abs(float(quantiles(values, [0.5])[0])), 1e-6)
     found = measure_region(around, depth[region.mask], spacing, middle)
     volume = region.volume
     radius = float(np.cbrt(3 * volume / (4 * np.pi)))
@@ -157,7 +158,7 @@ def _thinned(region: Region) -> Region:
     every = (slice(None, None, step),) * 3
     a, b, c = region.spacing
     thin = (a * step, b * step, c * step)
-    return Region(region.mask[every], region.density[every], (0, 0, 0), thin)
+    return Region(region.mask[every], region.density[every], (0, 0, 0), thin, air=region.air)
 
 
 def _geometry(
