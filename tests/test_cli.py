@@ -93,6 +93,15 @@ def test_order_prints_who_leaves_when(bag: Path) -> None:
     assert [line.split()[:2] for line in numbers.stdout.splitlines()[1:]] == [["1", "1"]]
 
 
+def test_order_tells_densities_of_a_scan_scaled_to_one_with_two_digits(bag: Path) -> None:
+    labels = load_volume(bag).labels
+    volume = np.where(labels > 0, 0.508, 0.0).astype(np.float32)
+    save_scan(Scan(volume, (1.0, 1.0, 1.0), labels), bag)
+    result = run("order", bag, "--direction", "+x", "--backend", "cpu")
+    assert result.exit_code == 0, result.output
+    assert [line.split()[-1] for line in result.stdout.splitlines()[1:]] == ["0.51"] * 3
+
+
 def test_surfaces_are_of_all_objects_or_of_those_asked_for(bag: Path) -> None:
     trimesh = pytest.importorskip("trimesh")
     out = bag.with_name("parts.glb")

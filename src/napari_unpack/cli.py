@@ -273,6 +273,7 @@ def _order(
     large: Large = False,
 ) -> None:
     """Print in which order the objects can be unpacked."""
+    from napari_unpack.geometry.length_unit import density_text
     from napari_unpack.io.headless import unpack_in_order
 
     session = open_input(source, labels, direction, view, backend, at, large)
@@ -289,7 +290,8 @@ def _order(
             facts = session.objects.loc[i]
             typer.echo(
                 f"{step:>4}  {session.label_of(i):>5}  {str(facts['name'])[:23]:<24}"
-                f"{volumes.text(float(facts['volume_mm3'])):>14}{facts['mean_density']:>9.0f}"
+                f"{volumes.text(float(facts['volume_mm3'])):>14}"
+                f"{density_text(facts['mean_density']):>9}"
             )
 
 

@@ -73,3 +73,29 @@ def test_objects_settled_by_their_facts_need_no_minimum_opacity() -> None:
             assert minimum_opacity(mask, density, SHOWN) == 0.0
     assert passed > 50
     assert 0 < HARDLY_SEEN < GIVEN_OPACITY
+
+
+def test_an_object_of_nan_alone_leaves_with_a_minimum_opacity() -> None:
+    session = bag()
+    volume = session.volume.astype(np.float32)
+    volume[session.labels == SOLID] = np.nan
+    unknown = Session(volume, session.labels)
+    unknown.transfer_function = SHOWN
+    tint = unknown.scene().tint_alone(SOLID)
+    assert tint[3] == 1.0
+    assert seen(unknown, SOLID) > 0.2
+
+
+def test_a_minimum_opacity_leaves_the_air_around_an_object_clear() -> None:
+    session = bag()
+    raised = session.transfer_function_of(FAINT_SHEET)
+    assert raised.opacity_at(110) > 0.1
+    assert raised.opacity_at(0) == 0
+    # Two voxels of air around it are drawn with it: they would be a shell.
+    patch = sprite_image(
+        session.scene(), FAINT_SHEET, Pose(np.zeros(3), np.eye(3)), 1.0, 1.0, "cpu"
+    )
+    rows, columns = (patch.rgba[..., 3] > 0.05).any(axis=1), (patch.rgba[..., 3] > 0.05).any(axis=0)
+    # Seen along z it has 17 x 17 voxels, and half a voxel of soft edge on every side.
+    assert rows.sum() <= 19
+    assert columns.sum() <= 19

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from napari_unpack.geometry.length_unit import MICRO, MM, LengthUnit
+from napari_unpack.geometry.length_unit import MICRO, MM, LengthUnit, density_text
 
 
 def test_volumes_of_bags_are_in_cubic_centimetres_and_small_ones_in_what_they_are() -> None:
@@ -26,6 +26,20 @@ def test_a_volume_in_voxels_is_their_number() -> None:
     unit = LengthUnit.voxels(spacing)
     assert unit.volume_unit(0.0).text(1234 * float(np.prod(spacing))) == "1234"
     assert unit.edges([1.0]) == f"{1 / np.prod(spacing) ** (1 / 3):.1f}"
+
+
+def test_small_lengths_keep_two_digits_of_the_longest() -> None:
+    lengths = [31.4, 3.14, 0.314, 0.0314, 0.00314, 0.000314]
+    told = ["31", "3.1", "0.31", "0.031", "0.0031", "0.00031"]
+    assert [MM.edges([mm]) for mm in lengths] == told
+    assert MM.edges([0.0012, 0.0003]) == "0.0012 × 0.0003"
+    assert MM.edges([0.0]) == "0.000"
+
+
+def test_densities_of_scans_scaled_to_small_numbers_keep_two_digits() -> None:
+    densities = [1500.4, 10.0, 9.87, 0.508, 0.031, 0.0, -1000.0, -0.25]
+    told = ["1500", "10", "9.9", "0.51", "0.031", "0", "-1000", "-0.25"]
+    assert [density_text(density) for density in densities] == told
 
 
 def test_other_units_are_refused() -> None:

@@ -34,3 +34,10 @@ def test_65535_objects_are_kept_and_one_more_is_refused():
     np.testing.assert_array_equal(compact.ravel(), np.arange(65536))
     with pytest.raises(ValueError, match="at most 65,535 objects"):
         compact_labels(labels + 1)
+
+
+@pytest.mark.parametrize("dtype", [">i4", ">u4", ">i8", "<i4"])
+def test_labels_of_either_byte_order_are_taken(dtype):
+    compact, given = compact_labels(np.array([[[0, 70_000, 300, 70_000]]], dtype))
+    assert compact.tolist() == [[[0, 2, 1, 2]]]
+    assert given.tolist() == [0, 300, 70_000]

@@ -27,7 +27,7 @@ NASTY = '</script><script>alert(1)</script><img src=x onerror="alert(2)">'
 HUES = {1: 0.02, 2: 0.33, 3: 0.66, 4: 0.5}
 
 
-def bag() -> nu.Session:
+def bag(scale: float = 1.0) -> nu.Session:
     """Return a row of four: a wedge, a ball, a rod and a box, which leave to the left in turn."""
     z, y, x = np.indices((24, 40, 90))
     labels = np.zeros(z.shape, np.uint16)
@@ -35,7 +35,8 @@ def bag() -> nu.Session:
     labels[((z - 11) * 2.0) ** 2 + (y - 20) ** 2 + ((x - 33) * 1.5) ** 2 < 196] = 2
     labels[10:13, 4:36, 50:53] = 3
     labels[4:20, 6:30, 62:84] = 4
-    session = nu.Session(np.where(labels, 1500, 0).astype(np.uint16), labels, SPACING)
+    spacing = scale * np.array(SPACING)
+    session = nu.Session(np.where(labels, 1500, 0).astype(np.uint16), labels, spacing)
     session.view = View((0.5, 0.75, 0.3), fov=20.0)
     session.direction = "-x"
     session.apply_hues(HUES)
@@ -164,6 +165,16 @@ def test_surfaces_are_where_the_labels_are_and_as_near_as_the_page_says(
         volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6
         # Positive: the outside is outside.
         assert volume == pytest.approx((session.labels == one["id"]).sum() * 3.0, rel=0.1)
+
+
+def test_a_page_of_a_tiny_bag_says_as_exactly_how_near_its_surfaces_are(
+    page: tuple[str, nu.Session], tmp_path: Path
+) -> None:
+    # The same shapes: what is near in a bag of one 4096th is so by as much less.
+    tiny = save_interactive_page(bag(2.0**-12), tmp_path / "a.html", backend="cpu")
+    near = stated(tiny.read_text("utf-8"))
+    # Both are rounded up to two digits, by up to a tenth.
+    assert near == pytest.approx(stated(page[0]) / 4096, rel=0.1)
 
 
 def test_a_path_leads_from_the_bag_along_the_direction_and_round_the_bag_to_the_slot(

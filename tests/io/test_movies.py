@@ -12,7 +12,7 @@ from scipy.linalg import polar
 
 from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.view import View
-from napari_unpack.io import movie
+from napari_unpack.io import movie, movies
 from napari_unpack.io.headless import copy_session, frame_bag, unpack_in_order
 from napari_unpack.io.images import straight_bytes
 from napari_unpack.io.movies import movie_writer, turned
@@ -61,6 +61,26 @@ def test_a_film_has_its_size_and_every_flight(tmp_path: Path, session: Any, suff
     assert told == sorted(told)
     assert (told[0], told[-1]) == (0.0, 1.0)
     assert [p.name for p in tmp_path.iterdir()] == [f"film{suffix}"]
+
+
+def test_a_flight_shorter_than_the_cameras_way_does_not_let_the_film_jump(
+    tmp_path: Path, session: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heights: list[float] = []
+
+    def noted(_scene: Any, camera: Any, size: tuple[int, int], *_: Any) -> np.ndarray:
+        heights.append(camera.height)
+        return np.zeros((*size, 4), np.float32)
+
+    monkeypatch.setattr(movies, "scene_image", noted)
+    path = movie(session, tmp_path / "film", 1, (60, 80), 25, 0.1, "cpu")
+    # 0.6 s of rest, 0.35 s until the camera stands, 0.12 s of rest, 1.2 s at the end.
+    assert len(list(path.iterdir())) == 15 + 9 + 3 + 30
+    # Where nothing moves one image is made.
+    before, *gliding, after, last = heights
+    assert len(gliding) == 9
+    assert before != after == last
+    assert gliding[-1] == after
 
 
 def test_cancel_is_asked_before_every_frame_and_the_bar_moves_with_each(
@@ -112,6 +132,8 @@ def test_cancelling_leaves_no_file(tmp_path: Path, session: Any) -> None:
             "a movie of 100000 x 100000 pixels needs 4,700.0 GB",
         ),
         ("film", {"size": (10**5, 10**6)}, "a movie of 1000000 x 100000 pixels needs 12,000.0 GB"),
+        ("film.mp4", {"count": 0}, "count, size, fps and seconds must be positive, got 0"),
+        ("film.mp4", {"count": -1}, "count, size, fps and seconds must be positive, got -1"),
         ("film.mp4", {"fps": 0}, "size, fps and seconds must be positive"),
         ("film.mp4", {"seconds": -1.0}, "size, fps and seconds must be positive"),
     ],

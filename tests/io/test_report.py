@@ -199,3 +199,13 @@ def test_a_carriage_return_in_a_name_ends_no_row(tmp_path: Path) -> None:
     read = pd.read_csv(path, index_col="id")
     assert list(read.index) == [1, 2]
     assert list(read["name"]) == ["left\nright", "up\ndown"]
+
+
+def test_densities_of_a_scan_scaled_to_one_are_told_with_two_digits(tmp_path: Path) -> None:
+    labels = np.zeros((12, 12, 24), np.uint16)
+    labels[2:10, 2:10, 2:10], labels[2:10, 2:10, 14:22] = 1, 2
+    volume = np.select([labels == 1, labels == 2], [0.508, 0.031], 0.0).astype(np.float32)
+    path = save_objects_page(nu.Session(volume, labels), tmp_path / "bag.html", backend="cpu")
+    cells = Cells()
+    cells.feed(path.read_text("utf-8"))
+    assert [row[7] for row in cells.rows] == ["Mean density", "0.51", "0.031"]

@@ -51,6 +51,30 @@ def test_a_surface_encloses_what_the_voxels_do(kind: str) -> None:
     assert abs(mesh.volume) == pytest.approx(mask.sum(), rel=0.006)
 
 
+@pytest.mark.parametrize("kind", ["one layer", "two layers", "three layers", "crumbs"])
+def test_a_surface_of_a_large_thin_object_encloses_what_its_voxels_do(
+    kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mask = {
+        "one layer": np.ones((1, 340, 340), bool),
+        "two layers": np.ones((2, 260, 260), bool),
+        "three layers": np.ones((3, 230, 230), bool),
+        "crumbs": np.random.default_rng(0).random((65, 65, 65)) > 0.5,
+    }[kind]
+    # What takes time: on a large object each level takes seconds.
+    levels: list[float] = []
+
+    def counted(field: np.ndarray, level: float, share: Share) -> tuple[np.ndarray, np.ndarray]:
+        levels.append(level)
+        return level_surface(field, level, share)
+
+    monkeypatch.setattr(surfaces, "level_surface", counted)
+    mesh = trimesh.Trimesh(*object_surface(mask), process=False)
+    assert mesh.is_watertight
+    assert abs(mesh.volume) == pytest.approx(mask.sum(), rel=0.006)
+    assert len(levels) <= 4
+
+
 def blurred(kind: str) -> np.ndarray:
     z, y, x = np.indices((19, 22, 17))
     noise = np.random.default_rng(0).random(z.shape)
@@ -168,6 +192,15 @@ def test_a_folder_has_a_file_for_each_object(session: nu.Session, tmp_path: Path
         # Also of a bag that its layer mirrors, whose surfaces would be inside out.
         assert mesh.volume == pytest.approx(session.objects["volume_mm3"][i], rel=0.01)
     assert mesh.center_mass[0] == pytest.approx(-1, abs=0.1)
+
+
+def test_files_in_a_folder_have_the_ids_of_the_labels_given(tmp_path: Path) -> None:
+    labels = np.zeros((8, 6, 10), np.int64)
+    labels[2:6, 1:5, 1:4], labels[2:6, 1:5, 6:9] = 10, 700_000
+    session = nu.Session(np.where(labels, 1000, 0).astype(np.uint16), labels)
+    folder = save_surfaces(session, tmp_path / "parts")
+    names = sorted(file.name for file in folder.iterdir())
+    assert names == ["010 Object 10.stl", "700000 Object 700000.stl"]
 
 
 def test_micrometres_are_told_in_millimetres(session: nu.Session, tmp_path: Path) -> None:

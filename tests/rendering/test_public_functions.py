@@ -7,7 +7,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from napari_unpack import rendering
+from napari_unpack import TransferFunction, rendering
 from napari_unpack.geometry.view import View
 from napari_unpack.rendering.validation import checked_labels, checked_volume
 from napari_unpack.unpacking.occlusion import ratios
@@ -200,6 +200,28 @@ def test_nan_counts_as_the_lowest_density() -> None:
     assert found.dtype == np.float32
     assert (found[0, 0, 0], found[1, 1, 1], found[2, 2, 2]) == (5, 9, 5)
     assert np.isnan(volume[0, 0, 0])
+
+
+def test_the_look_of_a_scan_with_nan_and_infinities_is_that_of_its_finite_densities() -> None:
+    rng = np.random.default_rng(0)
+    labels = np.zeros((16, 16, 16), np.uint16)
+    labels[4:12, 4:12, 4:12] = 1
+    volume = np.where(labels, 1000.0, 0.0) + rng.normal(0, 50, labels.shape)
+    chance = rng.random(labels.shape)
+    volume[chance < 0.05], volume[chance > 0.96] = np.nan, np.inf
+    volume[0, 0, 0] = -np.inf
+    for array in (volume, volume.astype(np.float32)):
+        finite = array[np.isfinite(array)].astype(np.float32)
+        look = TransferFunction.default_for(finite)
+        assert look != TransferFunction.default_for(checked_volume(array))
+        assert look == TransferFunction.default_for(array.astype(np.float32))
+        asked = {"labels": labels, "size": (12, 12), **CPU}
+        plain = rendering.render(array, **asked)
+        np.testing.assert_array_equal(
+            plain, rendering.render(array, transfer_function=look, **asked)
+        )
+        picked = rendering.pick(array, pixel=(6, 6), **asked)
+        assert picked == rendering.pick(array, pixel=(6, 6), transfer_function=look, **asked)
 
 
 @pytest.mark.parametrize(

@@ -191,3 +191,11 @@ def test_however_an_inspection_ends_its_cut_ends_too(leave: str) -> None:
     }[leave]()
     assert session.state.inspected is None
     assert session.style(first).cut is None
+
+
+def test_names_of_another_program_that_are_blank_leave_objects_theirs() -> None:
+    session = session_of(stack_of_plates())
+    session.rename(1, "plate")
+    session.annotations.name_and_color({1: "  ", 2: " lid "}, {1: (1, 0, 0)})
+    assert session.objects["name"][[1, 2]].tolist() == ["plate", "lid"]
+    assert session.annotations.colors.keys() == {1}

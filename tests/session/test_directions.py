@@ -110,3 +110,18 @@ def test_where_the_voxels_want_more_than_was_proposed_the_next_best_is_looked_al
     labels[2, 2, 4], labels[:, 2, 3] = 1, 2
     session = Session(labels * np.float32(100), labels)
     assert session.reveal_plan(1).ids == {1}
+
+
+def test_reveal_is_answered_once_few_enough_are_packed_whatever_was_asked_before() -> None:
+    grid = np.arange(0, 34, 2)
+    labels = np.zeros((34, 34, 34), np.uint16)
+    labels[np.ix_(grid, grid, grid)] = np.arange(1, 17**3 + 1).reshape(17, 17, 17)
+    session = real_session(labels)
+    session.direction = "+z"
+    session.unpackable()
+    assert session.best_direction(ask=True) is None
+    session.hide(range(1, 1900))
+    # 2000 stands at (6, 15, 10): ten more stand behind it along z.
+    column = labels[12::2, 30, 20]
+    assert session.best_direction(ask=True) is not None
+    assert session.reveal(2000) == tuple(int(i) for i in column[::-1])

@@ -141,5 +141,23 @@ def test_the_box_and_what_is_drawn_about_the_bag_are_in_view(
     far = session.bag.center + 1.5 * (corners - session.bag.center)
     assert outside(far, fitted(session)) > 0
     assert outside(far, fitted(session, None, far)) == 0
+    assert fitted(session, None, far[:0]).height == fitted(session).height
     session.decorations = Decorations.of(decorations=["box"])
     assert outside(corners, fitted(session)) == 0
+
+
+@pytest.mark.parametrize("fov", [0.0, 20.0, 45.0, 70.0])
+@pytest.mark.parametrize("shape", [(8, 12, 60), (40, 40, 40), (60, 6, 30)])
+def test_the_bag_itself_is_in_view_in_any_perspective(
+    fov: float, shape: tuple[int, int, int]
+) -> None:
+    session = Session(np.full(shape, 1000.0) + np.arange(shape[2]), np.ones(shape, np.uint16))
+    session.canvas_size = (400, 500)
+    session.view = View((0.2, 0.1, 1.0), fov=fov)
+    # The centres of its outermost voxels.
+    corners = np.indices((2, 2, 2)).reshape(3, -1).T * (np.array(shape) - 1)
+    pixels = fitted(session).project(corners, session.canvas_size)
+    assert (pixels >= 0).all()
+    assert (pixels <= np.array(session.canvas_size)).all()
+    # And no smaller than it must be: it fills half of the window at least.
+    assert np.ptp(pixels, axis=0).max() > 0.5 * min(session.canvas_size)

@@ -245,3 +245,55 @@ def test_parents_are_told_by_the_ids_that_were_given() -> None:
     assert "Object 70000" in set(open_container(session, outer).objects["name"])
     with pytest.raises(ValueError, match="nothing is inside Object 3"):
         open_container(session, other)
+
+
+def opened_case(case_id: int, air: float = 0.0) -> Session:
+    """Open a hollow case among others; three balls of other densities are one label with it."""
+    z, y, x = np.indices((56, 56, 56))
+    volume, labels = np.full((56, 56, 56), air, np.float32), np.zeros((56, 56, 56), np.uint16)
+    case = (abs(z - 28) < 14) & (abs(y - 30) < 14) & (abs(x - 24) < 16)
+    volume[case] = air + 1500
+    volume[(abs(z - 28) < 12) & (abs(y - 30) < 12) & (abs(x - 24) < 14)] = air
+    for k, (a, b, c, r) in enumerate([(28, 30, 16, 5), (24, 28, 30, 5), (34, 34, 30, 4)]):
+        volume[(z - a) ** 2 + (y - b) ** 2 + (x - c) ** 2 < r * r] = air + 2000 + 400 * k
+    for k, other in enumerate(i for i in range(1, 6) if i != case_id):
+        labels[2:5, 50:53, 4 + 8 * k : 8 + 8 * k] = other
+    labels[case] = case_id
+    volume[(labels > 0) & ~case] = air + 1200
+    session = Session(volume, labels)
+    session.backend = "cpu"
+    return open_container(session, case_id)
+
+
+@pytest.mark.parametrize("case_id", [1, 2, 3, 4, 5])
+def test_the_wall_is_off_whichever_id_the_container_has(case_id: int) -> None:
+    inner = opened_case(case_id)
+    largest = int(inner.boxes.ids[inner.boxes.counts.argmax()])
+    out = [i for i, state in inner.states.items() if state is ObjectState.UNPACKED]
+    assert out == [largest]
+    assert len(inner.ids) == 4
+
+
+def test_what_is_inside_looks_the_same_wherever_the_scan_has_its_zero() -> None:
+    pictures = []
+    for air in (0.0, -1000.0):
+        inner = opened_case(1, air)
+        inner.backend = "cpu"
+        pictures.append(packed_image(inner.scene(), inner.camera, (60, 60)).rgba)
+    assert (pictures[0][..., 3] > 0.5).sum() > 100
+    np.testing.assert_allclose(pictures[1], pictures[0], atol=0.02)
+
+
+def test_what_was_opened_knows_what_is_inside_its_own_contents() -> None:
+    labels = np.zeros((30, 30, 30), np.int64)
+    labels[2:28, 2:28, 2:28] = 100001
+    labels[3:27, 3:27, 3:27] = 0
+    labels[6:8, 4:24, 4:24], labels[9:11, 5:20, 5:20] = 100002, 100003
+    table = pd.DataFrame(
+        {"name": ["box", "pouch", "coin"], "parent": [0, 100001, 100002]},
+        index=[100001, 100002, 100003],
+    )
+    box = open_container(Session((labels > 0) * 1000.0 + 1, labels, objects=table), 1)
+    names = box.objects["name"].to_dict()
+    pouch = next(i for i, name in names.items() if name == "pouch")
+    assert set(open_container(box, pouch).objects["name"]) == {"pouch", "coin"}

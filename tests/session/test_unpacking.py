@@ -359,3 +359,95 @@ def test_where_fewer_can_leave_than_were_asked_for_the_queue_is_the_one_they_lef
     session.max_group_size, session.take_least_occluded = 1, False
     assert session.unpack(3) == (3,)
     assert (session.queue.ids, session.queue.packed) == ((), {1, 2, 3})
+
+
+def two_hooked_pairs() -> np.ndarray:
+    """Bars that hook into each other along z, 1 into 2 and 3 into 4: none alone is free."""
+    labels = np.zeros((12, 12, 12), np.uint16)
+    for y, (a, b) in {0: (1, 2), 6: (3, 4)}.items():
+        labels[8, y : y + 4, :5] = labels[2, y : y + 4, 5:10] = labels[2:9, y, 4:6] = a
+        labels[4, y + 1 : y + 4, :5] = labels[6, y + 1 : y + 4, 5:10] = b
+        labels[4:7, y + 3, 4:6] = b
+    return labels
+
+
+def real_session(labels: np.ndarray) -> Session:
+    session = Session(np.where(labels > 0, 1000.0, 0.0), labels)
+    session.backend = "cpu"
+    return session
+
+
+@pytest.mark.parametrize("way", ["hide", "force_unpack", "reveal"])
+def test_the_least_occluded_stays_once_another_has_become_free(way):
+    session = real_session(two_hooked_pairs())
+    session.direction, session.max_group_size = "+z", 1
+    assert session.unpackable() == (1,)
+    assert session.queue.least_occluded
+    session.reveal(3, "any") if way == "reveal" else getattr(session, way)(3)
+    # What held it is gone.
+    assert session.unpackable() == (4,)
+    assert session.unpack() == (4,)
+    assert session.log[-1].ratio == 0
+
+
+def test_what_can_leave_does_not_depend_on_what_was_asked_before():
+    labels = np.zeros((8, 8, 8), np.uint16)
+    labels[3, 4:7, 2], labels[1:4, 5:8, 3], labels[5:7, 5:7, 2:4] = 1, 2, 3
+
+    def bag(*hidden: int) -> Session:
+        session = real_session(labels)
+        session.direction = (1, 1, 1)
+        session.hide(hidden)
+        return session
+
+    # By rays 2 holds 1 at the corners of its voxels; moved, 1 meets 3 alone.
+    assert 1 in bag(3).unpackable()
+    for verb in (lambda s: s.unpack([1]), lambda s: s.reveal(1)):
+        session = bag()
+        assert session.unpack(1) == (3,)
+        assert verb(session) == (1,)
+
+
+def test_chosen_blockers_leave_before_what_they_block_by_every_rule():
+    labels = np.zeros((10, 10, 10), np.uint16)
+    labels[2, 3:6, 3:6], labels[5, 3:6, 3:6], labels[7, 3:6, 3:6] = 1, 2, 3
+    for rule in ("exact", "first_hit"):
+        session = real_session(labels)
+        session.direction, session.rule = "+z", rule
+        with pytest.raises(BlockedError, match="cannot leave"):
+            session.unpack([1, 3])
+        assert session.unpack([2, 3]) == (3, 2)
+    hooks = real_session(two_hooked_pairs()[:, :6])
+    hooks.direction, hooks.rule, hooks.max_group_size = "+z", "first_hit", 1
+    # What the queue proposes for want of anything free can be chosen as well.
+    assert hooks.unpack(list(hooks.unpackable())) == (1,)
+
+
+def test_restored_in_the_air_all_go_on_from_where_they_are():
+    labels = np.zeros((40, 40, 40), np.uint16)
+    for k in range(16):
+        z, x = 10 * (k // 4), 10 * (k % 4)
+        labels[z + 1 : z + 8, 10:25, x + 1 : x + 8] = k + 1
+    session, now = real_session(labels), [0.0]
+    session.clock, session.animated, session.direction = lambda: now[0], True, "-y"
+    session.view = View((0.5, 0.75, 0.3))
+    session.unpack(4)
+    now[0] = 1.0
+    # The fifth has slots planned anew, to which the four turn.
+    session.unpack(1)
+    now[0] = 1.2
+
+    def places() -> dict[int, np.ndarray]:
+        return {i: f.pose(now[0], session.camera).center for i, f in session.flights.items()}
+
+    before = places()
+    session.restore(5)
+    assert places().keys() == before.keys() == {1, 2, 3, 4, 5}
+    for i, place in places().items():
+        np.testing.assert_allclose(place, before[i], atol=1e-9)
+    now[0] = 100.0
+    packed = [session.boxes.center(i, session.spacing) for i in before]
+    for place, center in zip(places().values(), packed, strict=True):
+        np.testing.assert_allclose(
+            place, session.camera.linear @ (center - session.camera.center), atol=1e-6
+        )

@@ -56,3 +56,9 @@ def test_a_queue_is_never_changed_only_replaced():
     queue.without([7])
     queue.put_back([3])
     assert queue == filled()
+
+
+def test_the_least_occluded_is_that_only_while_all_that_were_packed_are():
+    queue = Queue().refilled([(4,)], D, ALL, least_occluded=True)
+    assert queue.serves(D, ALL)
+    assert not queue.serves(D, (2, 4, 5, 7))

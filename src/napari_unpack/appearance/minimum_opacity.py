@@ -53,8 +53,9 @@ def visible_alone(
     if surely_seen(int(boxes.counts[row]), edges, mean_density, shown):
         return shown
     part = boxes.slices(object_id)
-    least = minimum_opacity(labels[part] == object_id, volume[part], shown)
-    return at_least(shown, least) if least else shown
+    mask, density = labels[part] == object_id, volume[part]
+    least = minimum_opacity(mask, density, shown)
+    return at_least(shown, least, lowest_of(density[mask], shown)) if least else shown
 
 
 def minimum_opacity(
@@ -86,8 +87,26 @@ def minimum_opacity(
     return float(1.0 - (1.0 - GIVEN_OPACITY) ** (1.0 / thickness))
 
 
-def at_least(shown: TransferFunction, least: float) -> TransferFunction:
-    """Return a transfer function that is nowhere more transparent than so.
+def lowest_of(values: NDArray[np.generic], shown: TransferFunction) -> float | None:
+    """Return a density above air from which on an object's own begin; None where none is above.
+
+    Parameters
+    ----------
+    values : (N,) ndarray
+        Densities of its voxels.
+    shown : TransferFunction
+        Whose first point stands for air.
+    """
+    measured, air = values[np.isfinite(values)], shown.points[0][0]
+    if not len(measured):
+        return None
+    faintest, typical = np.quantile(measured, [0.05, 0.5])
+    lowest = float(min(faintest, (air + typical) / 2))
+    return lowest if lowest > air else None
+
+
+def at_least(shown: TransferFunction, least: float, lowest: float | None) -> TransferFunction:
+    """Return a transfer function that is nowhere more transparent than so, but in air.
 
     Parameters
     ----------
@@ -95,9 +114,20 @@ def at_least(shown: TransferFunction, least: float) -> TransferFunction:
         What is raised.
     least : float
         Opacity per voxel.
+    lowest : float, optional
+        Density from which on; None raises air too.
     """
-    points = [(density, max(opacity, least)) for density, opacity in shown.points]
-    return TransferFunction(points, shown.colors)
+    rest = shown.points
+    kept: list[tuple[float, float]] = []
+    if lowest is not None:
+        # An object is drawn with two voxels of what is around it, which would be a shell.
+        ramp = (shown.points[0][0] + lowest) / 2
+        kept = [point for point in rest if point[0] < ramp] + [
+            (ramp, shown.opacity_at(ramp).item())
+        ]
+        rest = ((lowest, shown.opacity_at(lowest).item()), *(p for p in rest if p[0] > lowest))
+    raised = [(density, max(opacity, least)) for density, opacity in rest]
+    return TransferFunction(kept + raised, shown.colors)
 
 
 def surely_seen(

@@ -215,7 +215,7 @@ def legible_tint(
         How hues become tints.
     opacity : float, optional
         Per voxel, at the object's mean density. None where the object has a transfer function
-        of its own, which is not to be corrected.
+        of its own, which is not to be corrected, or no density that is known.
     color : (float, float, float, float), optional
         Straight RGBA that a person gave it.
 

@@ -1,7 +1,8 @@
-"""In which unit lengths and volumes are told to people: mm, µm or voxels."""
+"""How lengths and volumes are told to people, in mm, µm or voxels, and how densities are."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -56,7 +57,8 @@ class LengthUnit:
         """Write lengths given in the session's mm, without the unit: 25 × 6 × 2."""
         lengths = [length * self.per_mm for length in mm]
         longest = max(lengths, default=0.0)
-        places = 0 if longest >= 10 else 1 if longest >= 1 else 2 if longest >= 0.1 else 3
+        # Two digits of the longest at least: a tenth of a micrometre is not 0.000 mm.
+        places = max(0, 1 - math.floor(math.log10(longest))) if longest > 0 else 3
         return " × ".join(f"{length:.{places}f}" for length in lengths)
 
     def volume_unit(self, largest_mm3: float) -> VolumeUnit:
@@ -70,6 +72,11 @@ class LengthUnit:
 
 
 MM = LengthUnit()
+
+
+def density_text(density: float) -> str:
+    """Write a density: whole, or two digits of a small one, as scans scaled to 0 to 1 have."""
+    return f"{density:.0f}" if abs(density) >= 10 else f"{density:.2g}"
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,8 @@ def compact_labels(labels: NDArray[np.integer]) -> tuple[NDArray[np.uint16], NDA
     Two passes over the voxels and a hash table of the IDs: linear in the voxels, whatever the
     largest ID. Only the IDs found are sorted.
     """
+    # Files may hold bytes in an order that kernels do not read.
+    labels = labels.astype(labels.dtype.newbyteorder("="), copy=False)
     keys = np.full(_SLOTS, -1, np.int64)
     if _gather(labels, keys, MOST_OBJECTS) > MOST_OBJECTS:
         raise ValueError(f"labels must hold at most {MOST_OBJECTS:,} objects, got more")

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.atomic import drafted, folder_written_atomically, holds_only
 from napari_unpack.geometry.axes import unit
-from napari_unpack.geometry.camera_glide import CameraGlide
+from napari_unpack.geometry.camera_glide import GLIDE_SECONDS, CameraGlide
 from napari_unpack.geometry.transforms import Pose, rotation_about
 from napari_unpack.geometry.view import GRAVITY_UP, STEEPEST, Camera
 from napari_unpack.io.headless import copy_session, decorated, packed_count
@@ -305,9 +305,10 @@ def movie(
         raise ValueError(f"kind must be {' or '.join(KINDS)}, got {kind!r}")
     # H.264 stores colour at half the resolution, so edges are even.
     even = int(size[0]) // 2 * 2, int(size[1]) // 2 * 2
-    if min(even) < 2 or fps < 1 or not (seconds > 0 and turn_seconds > 0):
+    least = min(even[0] / 2, even[1] / 2, fps, 1 if count is None else count)
+    if least < 1 or not (seconds > 0 and turn_seconds > 0):
         raise ValueError(
-            f"size, fps and seconds must be positive, got {size!r}, {fps!r} and "
+            f"count, size, fps and seconds must be positive, got {count!r}, {size!r}, {fps!r} and "
             f"{(seconds, turn_seconds)!r}"
         )
     around = decorated(session, background, decorations)
@@ -381,7 +382,8 @@ def _unpacking(shooting: _Shooting, count: int | None, seconds: float) -> Iterat
     packed = packed_count(session)
     wanted = packed if count is None else min(count, packed)
     # The bar goes by frames, as if the objects left one by one.
-    flying = wanted * (shooting.frames(seconds) + shooting.frames(STANDSTILL[1]))
+    flight = shooting.frames(max(seconds, GLIDE_SECONDS))
+    flying = wanted * (flight + shooting.frames(STANDSTILL[1]))
     first, last = shooting.frames(STANDSTILL[0]), shooting.frames(STANDSTILL[2])
     begun, ending = first / (first + flying + last), 1.0 - last / (first + flying + last)
     # Without a screen, flights are off: the movie is what they are for.
@@ -395,7 +397,8 @@ def _unpacking(shooting: _Shooting, count: int | None, seconds: float) -> Iterat
         # Flights of a group need not start together: a step lasts until the last has landed.
         start = min(flight.start for flight in leaving.values())
         length = max(flight.start + flight.seconds for flight in leaving.values()) - start
-        frames = shooting.frames(length)
+        # And until the camera stands, or the film would jump.
+        frames = shooting.frames(length := max(length, GLIDE_SECONDS))
         # As in the window: there is room for a sprite before it comes.
         glide = CameraGlide(camera, camera := shooting.camera, start)
         for i in range(frames):

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.atomic import check_writable, checked_target, written_atomically
-from napari_unpack.geometry.length_unit import MICRO, MM, LengthUnit, VolumeUnit
+from napari_unpack.geometry.length_unit import MICRO, MM, LengthUnit, VolumeUnit, density_text
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.io.headless import copy_session
 from napari_unpack.io.images import straight_bytes
@@ -177,7 +177,7 @@ def _rows(session: Session, progress: Progress, backend: str, planned: bool) -> 
             + number_cell(facts["volume_mm3"], volumes.text(float(facts["volume_mm3"])))
             # Sorted by the longest edge, though all three are shown.
             + number_cell(edges[0], session.length_unit.edges(edges))
-            + number_cell(facts["mean_density"], f"{facts['mean_density']:.0f}")
+            + number_cell(facts["mean_density"], density_text(facts["mean_density"]))
             + number_cell(sure, "–" if math.isnan(sure) else percent(sure))
             + f"<td>{escape(str(facts.get('flag', '')))}</td>"
             + f'<td class="{"long" if facts.get("note") else ""}">'

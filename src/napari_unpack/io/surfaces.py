@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
@@ -39,9 +40,9 @@ SMOOTH = 0.7
 FINER = ((3_000, 3), (100_000, 2))
 
 # How near the enclosed volume comes to the voxels', as a share, and how many levels are tried:
-# on a shell of a large bag each takes seconds, and there one half is near already.
+# on a shell of a large bag each takes seconds.
 CLOSE = 0.005
-SMALL_STEPS, LARGE_STEPS = 10, 4
+STEPS = 6
 
 # Marching cubes keep all of Python waiting, for 20 to 130 ns a voxel: a slab takes a tenth of a
 # second.
@@ -134,7 +135,8 @@ def save_surfaces(
             for k, (name, mesh) in enumerate(meshes):
                 safe = re.sub(r"[^\w .()-]+", "_", name).strip(" .")
                 short = safe.encode()[:MOST_NAME_BYTES].decode(errors="ignore")
-                (folder / f"{wanted[k]:03d} {short}.stl").write_bytes(_exported(mesh, "stl"))
+                number = session.label_of(wanted[k])
+                (folder / f"{number:03d} {short}.stl").write_bytes(_exported(mesh, "stl"))
         else:
             temporary = stack.enter_context(written_atomically(target))
             told, kind = Share(report, 1.0, 1.0, "Writing surfaces"), target.suffix.lower()[1:]
@@ -181,17 +183,24 @@ def object_surface(
     field = gaussian_filter(np.pad(mask.astype(np.float32), margin), SMOOTH * finer)
     low, high = 0.0, float(field.max())
     level = min(0.5, high / 2)
+    # How much more is enclosed at the lower level, and less at the higher one: nothing at the
+    # highest, and at 0 about twice what should be.
+    more, less, before, nearest = 1.0, -1.0, 0.0, math.inf
     # At one half, corners and thin sheets shrink or go: the level is moved until the surface
-    # encloses what it should, halving the steps.
-    steps = LARGE_STEPS if finer == 1 else SMALL_STEPS
-    for k in range(steps):
-        part = whole.part(k / steps, (k + 1) / steps)
-        points, triangles = level_surface(field, level, part)
-        share = _enclosed(points, triangles) / (count * finer**3)
-        if abs(share - 1) < CLOSE:
+    # encloses what it should, to where a line between the two levels does (Illinois algorithm).
+    for k in range(STEPS):
+        found = level_surface(field, level, whole.part(k / STEPS, (k + 1) / STEPS))
+        error = _enclosed(*found) / (count * finer**3) - 1
+        if abs(error) < nearest:
+            nearest, (points, triangles) = abs(error), found
+        if nearest < CLOSE:
             break
-        low, high = (level, high) if share > 1 else (low, level)
-        level = (low + high) / 2
+        # A level that stays counts half, or steps would grow small; far off, no line is right.
+        if error > 0:
+            low, more, less = level, min(error, 1.0), less / (2 if before > 0 else 1)
+        else:
+            high, less, more = level, error, more / (2 if before < 0 else 1)
+        before, level = error, low + (high - low) * more / (more - less)
     return (points - margin + 0.5) / finer - 0.5, triangles
 
 

@@ -226,7 +226,7 @@ def render(
     scale = step_scale(step, mm)
     around = Decorations.of((0, 0, 0, 0) if background is None else background, decorations)
     image, depth = cast_tinted(
-        density, given.array, mm, camera, transfer_function or default_for(density),
+        density, given.array, mm, camera, transfer_function or default_for(volume, density),
         given.tints(tints, hidden), pixels,
         step_scale=scale, shading=shading, bricks=Bricks.of(given.array, density),
         jitter=jitter, clipping=clipping, backend=backend,
@@ -292,7 +292,7 @@ def pick(
     camera = checked_view(view).camera(given.array.shape, mm)
     rays = rays_for(camera, pixels, mm, step_scale=step_scale(step, mm), window=(row, col, 1, 1))
     # The same function as `render` takes, or a click would pick what is not seen.
-    look = transfer_function or default_for(density)
+    look = transfer_function or default_for(volume, density)
     shares = contributions(
         density, given.array, rays, mm, look.table(TABLE_ENTRIES), look.domain,
         given.tints(tints, hidden), clipping=clipping,
@@ -300,11 +300,23 @@ def pick(
     return [(given.name(label), share) for label, share in by_contribution(shares)]
 
 
-def default_for(volume: NDArray[np.uint16] | NDArray[np.float32]) -> TransferFunctionLike:
-    """Return the transfer function a volume gets when none is asked for."""
+def default_for(
+    volume: ArrayLike, density: NDArray[np.uint16] | NDArray[np.float32]
+) -> TransferFunctionLike:
+    """Return the transfer function a volume gets when none is asked for.
+
+    Parameters
+    ----------
+    volume : (Z, Y, X) array_like
+    density : (Z, Y, X) ndarray of uint16 or float32
+        What kernels take of it.
+    """
     from napari_unpack.appearance import TransferFunction
 
-    look: TransferFunctionLike = TransferFunction.default_for(volume)
+    known = np.isfinite(volume)
+    # What stands in for NaN and infinities is no density of the scan.
+    measured = density if known.all() else np.where(known, density, np.nan)
+    look: TransferFunctionLike = TransferFunction.default_for(measured)
     return look
 
 

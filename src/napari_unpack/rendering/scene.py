@@ -170,7 +170,9 @@ class Scene:
             # With an opacity of its own a person has decided how it looks: nothing is made legible.
             if self.style(object_id).transfer_function is None:
                 density = self.mean_densities[object_id]
-                opacity = float(self.transfer_function.opacity_at(density))
+                # Of NaN alone it is not known, and the least opacity has to do.
+                if np.isfinite(density):
+                    opacity = float(self.transfer_function.opacity_at(density))
             own = self.colors.get(object_id)
             known = legible_tint(self.hues[object_id], self.tint_mode, opacity, own)
             self._tints_alone[object_id] = known

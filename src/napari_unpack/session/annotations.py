@@ -74,7 +74,7 @@ class Annotations:
         Parameters
         ----------
         names : mapping of int to str
-            By ID.
+            By ID; a blank one leaves an object its name.
         colors : mapping of int to (3,) or (4,) sequence of float
             By ID, as for `set_color`.
 
@@ -85,7 +85,8 @@ class Annotations:
         """
         state, checked = self._doc.state, {i: _checked_color(c) for i, c in colors.items()}
         self._doc.checked([*names, *checked])
-        new = replace(state, names={**state.names, **names}, colors={**state.colors, **checked})
+        told = {i: name.strip() for i, name in names.items() if name.strip()}
+        new = replace(state, names={**state.names, **told}, colors={**state.colors, **checked})
         if (new.names, new.colors) != (state.names, state.colors):
             self._doc.commit("names and colours", new)
 

@@ -75,30 +75,29 @@ def open_container(session: Session, object_id: int, rotation: Matrix | None = N
     are found here by density: three classes by the thresholds of Otsu's method for several
     classes, connected, the smallest given to their neighbours.
     """
-    labels, inside, volume, family = _contents(session, object_id)
+    labels, inside, volume = _contents(session, object_id)
     parts = np.where(inside, labels, 0)
-    if len(np.unique(parts[inside])) < 2:
+    objects, known = session.objects, len(np.unique(parts[inside])) > 1
+    if not known:
         parts = parts_by_density(volume, inside)
         if not _are_things(volume, parts):
             parts = inside.astype(np.uint16)
-    names = session.objects["name"]
+    outer = str(objects["name"][object_id])
     ids = [int(i) for i in np.unique(parts) if i]
     if len(ids) < 2:
-        raise ValueError(
-            f"nothing is inside {names[object_id]}: it is solid, or holds nothing but air"
-        )
+        raise ValueError(f"nothing is inside {outer}: it is solid, or holds nothing but air")
     import pandas as pd
 
     from napari_unpack.session.session import Session
 
-    outer = str(names[object_id])
-    known = {i: str(names[i]) for i in family}
-    if set(ids) <= family:
-        told = [known[i] for i in ids]
-    else:
-        told = [f"{outer}, part {k}" for k in range(1, len(ids) + 1)]
-    shown = _alone(volume, inside)
-    table = pd.DataFrame({"name": told}, index=pd.Index(ids, name="id"))
+    table = pd.DataFrame(index=pd.Index(ids, name="id"))
+    table["name"] = [f"{outer}, part {k}" for k in range(1, len(ids) + 1)]
+    if known:
+        table["name"] = [str(objects["name"][i]) for i in ids]
+        if "parent" in objects:
+            inner_of = {session.label_of(i): i for i in ids}
+            table["parent"] = [inner_of.get(objects["parent"][i], 0) for i in ids]
+    shown = _alone(session, volume, inside)
     inner = Session(shown, parts, session.spacing, table)
     inner.transfer_function = (
         session.style(object_id).transfer_function or session.transfer_function
@@ -116,7 +115,7 @@ def open_container(session: Session, object_id: int, rotation: Matrix | None = N
         inner.scanner_from_scan[:3, 3] += session.scanner_from_scan[:3, :3] @ (
             start * session.spacing
         )
-    shell = object_id if object_id in ids else _shell(parts, ids)
+    shell = object_id if known else _shell(parts, ids)
     if shell:
         inner.force_unpack(shell)
     inner.history.clear()
@@ -132,22 +131,26 @@ def volume_inside(session: Session, object_id: int) -> NDArray[Any]:
         Whose object.
     object_id : int
     """
-    _, inside, volume, _ = _contents(session, object_id)
-    return _alone(volume, inside)
+    _, inside, volume = _contents(session, object_id)
+    return _alone(session, volume, inside)
 
 
 def _contents(
     session: Session, object_id: int
-) -> tuple[NDArray[np.uint16], NDArray[np.bool_], NDArray[Any], set[int]]:
-    """Return labels, mask of the object with what is in it, volume, and the objects it is of."""
+) -> tuple[NDArray[np.uint16], NDArray[np.bool_], NDArray[Any]]:
+    """Return labels, mask of the object with what is in it, and volume."""
     window = session.boxes.slices(object_id, margin=2)
     labels = np.asarray(session.labels[window])
     family = _family(session, object_id) | surrounded(labels, object_id)
-    return labels, np.isin(labels, list(family)), np.asarray(session.volume[window]), family
+    return labels, np.isin(labels, list(family)), np.asarray(session.volume[window])
 
 
-def _alone(volume: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray[Any]:
-    return np.where(inside, volume, np.zeros((), volume.dtype))
+def _alone(session: Session, volume: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray[Any]:
+    """Return a part of the volume with air around an object: zero is water in many scans."""
+    air = np.nanmin(session.volume)
+    if not np.isfinite(air):
+        air = np.min(session.volume[np.isfinite(session.volume)])
+    return np.where(inside, volume, volume.dtype.type(air))
 
 
 def surrounded(labels: NDArray[Any], object_id: int, axes: int = INSIDE) -> set[int]:
@@ -273,8 +276,9 @@ def _are_things(volume: NDArray[Any], parts: NDArray[np.uint16]) -> bool:
     ids = np.unique(parts[parts > 0])
     # Blurred over into air, every surface is a skin of less density.
     within = ndimage.binary_erosion(parts > 0)
-    means = ndimage.mean(np.nan_to_num(volume), parts, ids)
-    low = min(float(np.nanmin(volume)), *means)
+    measured = np.isfinite(volume)
+    low = float(volume[measured].min())
+    means = ndimage.mean(np.where(measured, volume, low), parts, ids)
     air = low + AIR_SHARE * (max(means) - low)
     parts[np.isin(parts, ids[means < air])] = 0
     left, kept = ids[means >= air], means[means >= air] - low

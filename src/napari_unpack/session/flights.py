@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 
 from napari_unpack.geometry.axes import Matrix
 from napari_unpack.session.placement import Bag, launch
@@ -112,7 +113,7 @@ class FlightControl(Mapping[int, Flight]):
             elif flights[i].back != back:
                 # It turns round where it is.
                 there = placement.pose(slots[not back], stretch)
-                flights[i] = flights[i].reversed(now).toward(there)
+                flights[i] = replace(flights[i].reversed(now), target=there)
         for back, placements in starting.items():
             # The last to leave returns first: the way is clear for it.
             order = reversed(list(placements.items())) if back else placements.items()

@@ -53,21 +53,18 @@ def fitted(
     upright = np.array([1.0, rows / cols])
     gap = GAP * slots.height_mm / rows
     radius = slots.bag_radius_px * slots.height_mm / rows + gap
-    low, high = _picture(session, camera)
-    longer = float((high - low).max())
+    silhouette = session.bag.silhouette
+    longer = float(np.ptp(_away(session, camera, silhouette)[:, 1:], axis=0).max())
     # A round bag fits at every turn. A flat or long one may reach over the edge as it is turned:
     # it would be small else in nearly every view.
     least = longer / (2 * SHARE_OF_BAG) * rows / min(rows, cols)
-    half = [min(float(radius * upright.max()), max(least, _reach(low, high, gap, upright)))]
+    least = min(float(radius * upright.max()), least)
+    half = [max(least, _reach(session, camera, silhouette, gap))]
     half += [_half_height(center, slots, gap, upright) for center in _out(session)]
     around = [] if drawn is None else [drawn]
     if session.decorations.box:
         around.append(box_corners(session.bag.lower, session.bag.upper))
-    for points in around:
-        away = (points - session.bag.center) @ camera.linear.T
-        # In perspective the view is narrower where it is nearer to the eye.
-        narrower = away[:, :1] * np.tan(np.radians(camera.fov) / 2) + gap
-        half += (np.abs(away[:, 1:]) * upright + narrower).ravel().tolist()
+    half += [_reach(session, camera, points, gap) for points in around if len(points)]
     return replace(camera, center=session.bag.center, height=2 * max(half))
 
 
@@ -120,15 +117,18 @@ def _half_height(
     return float((reach * upright).max())
 
 
-def _picture(session: Session, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """Return the ends of the bag's picture, (down, right) in mm from the middle."""
-    flat = ((session.bag.silhouette - session.bag.center) @ camera.linear.T)[:, 1:]
-    return flat.min(axis=0), flat.max(axis=0)
+def _away(session: Session, camera: Camera, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return world points from the bag's middle on, (N, 3) in mm: towards the eye, down, right."""
+    return np.asarray((points - session.bag.center) @ camera.linear.T)
 
 
-def _reach(low: np.ndarray, high: np.ndarray, gap: float, upright: np.ndarray) -> float:
-    """Return the half height in which a picture has room."""
-    return float(((np.maximum(-low, high) + gap) * upright).max())
+def _reach(session: Session, camera: Camera, points: NDArray[np.float64], gap: float) -> float:
+    """Return half the height in which world points have room."""
+    rows, cols = session.canvas_size
+    away = _away(session, camera, points)
+    # In perspective the view is narrower where it is nearer to the eye.
+    narrower = away[:, :1] * np.tan(np.radians(camera.fov) / 2)
+    return float(((np.abs(away[:, 1:]) + gap) * (1.0, rows / cols) + narrower).max())
 
 
 def _out(session: Session) -> list[np.ndarray]:

@@ -79,6 +79,8 @@ class Queries:
     def __init__(self, session: Document, stored: Callable[[], object]) -> None:
         self._session, self._stored = session, stored
         self._cache = ResultCache()
+        # Set by a window, which asks anew while nothing moves: a command does not wait for that.
+        self.asks_at_rest = False
 
     def store(self, task: Task[Any], result: Any) -> bool:
         """Keep the result of a task of these queries; return False where it no longer serves.
@@ -166,10 +168,13 @@ class Queries:
         packed : frozenset of int, optional
             By default what is packed now.
         afresh : bool
-            A result for more packed objects does not do.
+            A result for more packed objects does not do, even where it would be found again.
+            Else it does there, and in a window that `asks_at_rest`.
         """
         key = self._occlusion_key(direction, packed)
-        known = self._cache.find(key, OcclusionKey.equals if afresh else OcclusionKey.covers)
+        known = None if afresh else self._known_occlusion(key, finer=not self.asks_at_rest)
+        if known is None:
+            known = self._cache.find(key, OcclusionKey.equals)
         if known is None:
             known = self._find_occlusion()(key)
             self._keep(key, known)
@@ -184,16 +189,18 @@ class Queries:
             What was found for more packed objects does only where it would be found again.
         """
         key = self._occlusion_key()
-        known = self._known_occlusion(key)
-        if not key.packed or not (known is None or (finer and known.may_change(key.packed))):
+        if not key.packed or self._known_occlusion(key, finer) is not None:
             return None
         find = self._find_occlusion()
         return Task(key, lambda _: find(key))
 
-    def _known_occlusion(self, key: OcclusionKey | None = None) -> OcclusionResult | None:
-        found: OcclusionResult | None = self._cache.find(
-            key or self._occlusion_key(), OcclusionKey.covers
-        )
+    def _known_occlusion(
+        self, key: OcclusionKey | None = None, finer: bool = False
+    ) -> OcclusionResult | None:
+        key = key or self._occlusion_key()
+        found: OcclusionResult | None = self._cache.find(key, OcclusionKey.covers)
+        if found is not None and finer and found.may_change(key.packed):
+            return None
         return found
 
     def _occlusion_key(
@@ -393,14 +400,13 @@ class Queries:
             return self._plan(quick.groups, self.direction, quick, state)
         known = self.occlusion(packed=packed)
         if known.blocking is None:
-            # Without a table only new rays tell what has become unpackable since.
-            if wanted - known.unpackable:
-                known = self.occlusion(packed=packed, afresh=True)
-            blocked = wanted - known.unpackable
-            if blocked:
+            groups = self._in_turn(ids, packed)
+            blocked = wanted.difference(*groups)
+            if wanted == self._forced(packed, known):
+                groups = [tuple(wanted)]
+            elif blocked:
                 names = listed_objects(session.names(blocked))
                 raise BlockedError(f"{names} cannot leave: other objects are in the way.")
-            groups: list[Group] = [(i,) for i in ids if i in wanted]
         else:
             graph = known.blocking.among(packed)
             # Interlocked objects cannot leave alone: choosing one chooses its group.
@@ -416,6 +422,16 @@ class Queries:
                 )
             groups = graph.removals(wanted)
         return self._plan(groups, self.direction, known, state)
+
+    def _in_turn(self, ids: Iterable[int], packed: frozenset[int]) -> list[Group]:
+        """Return those that can leave without a table, each once what blocks it has left."""
+        groups: list[Group] = []
+        left = [i for i in dict.fromkeys(ids) if i in packed]
+        # Only new rays tell what has become unpackable.
+        while free := [i for i in left if i in self.occlusion(packed=packed).unpackable]:
+            groups += [(i,) for i in free]
+            left, packed = [i for i in left if i not in free], packed.difference(free)
+        return groups
 
     def _forced(self, packed: frozenset[int], known: OcclusionResult) -> set[int]:
         """Return the object that may leave for want of anything unpackable."""
@@ -462,7 +478,8 @@ class Queries:
         packed, queue = len(state.packed(self._session.label_data.known)), state.queue
         removals = []
         for group in groups:
-            removals.append(Removal(group, direction, packed, source, queue.least_occluded))
+            least = queue.least_occluded and group in queue.groups
+            removals.append(Removal(group, direction, packed, source, least))
             packed, queue = packed - len(group), queue.without(group)
         return RemovalPlan(tuple(removals), queue)
 
@@ -513,7 +530,11 @@ class Queries:
         return SurveyKey(session.label_data.revision, session.rules.tolerance, self.packed)
 
     def _known_survey(self) -> DirectionSurvey | None:
-        found: DirectionSurvey | None = self._cache.find(self._survey_key(), SurveyKey.covers)
+        key = self._survey_key()
+        found: DirectionSurvey | None = self._cache.find(key, SurveyKey.covers)
+        # There were too many objects for tables, and may be no more.
+        if found is not None and not found.directions:
+            found = self._cache.find(key)
         return found
 
     def _survey_counts(self, key: SurveyKey) -> Callable[[Vector], OcclusionCounts]:
@@ -570,7 +591,7 @@ class Queries:
         def looked(direction: Vector) -> tuple[OcclusionKey, OcclusionResult]:
             z, y, x = (float(v) for v in direction)
             wanted = replace(key.near, direction=(z, y, x))
-            found = self._known_occlusion(wanted)
+            found = self._known_occlusion(wanted, finer=True)
             if found is None:
                 return wanted, look(wanted)
             # It may be of more objects: under the key of fewer it would pass for asked afresh.

@@ -258,8 +258,11 @@ class Flight:
 
     def reversed(self, time: float) -> Flight:
         """Return the flight that turns round at this time, from where the object is then."""
-        left = 1.0 - self.progress(time)
-        return replace(self, back=not self.back, start=time - left * self.seconds, before=None)
+        start = time - (1.0 - self.progress(time)) * self.seconds
+        # Half way from one place to another it is on neither's way.
+        bends = self.before is not None and not self.done(time)
+        before = self if bends else None
+        return replace(self, back=not self.back, start=start, before=before, sent=time)
 
     def toward(self, target: Pose, time: float | None = None) -> Flight:
         """Return the same flight with another place outside the bag.

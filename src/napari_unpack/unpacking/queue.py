@@ -55,7 +55,8 @@ class Queue:
         """Tell whether the next one may leave without asking again.
 
         It must have been filled for this D and by these rules with all who are packed now in
-        the bag, and hold something, all of it packed, and no restored object.
+        the bag, and hold something, all of it packed, and no restored object. The least occluded
+        object is that only while all who were packed are.
 
         Parameters
         ----------
@@ -70,6 +71,9 @@ class Queue:
             return False
         inside = frozenset(packed)
         if not (inside <= self.packed and inside.issuperset(self.ids)):
+            return False
+        # Who was taken for want of anything unpackable stays behind where something has become so.
+        if self.least_occluded and inside != self.packed:
             return False
         return self.along(direction)
 

@@ -163,6 +163,7 @@ class SessionController:
             lambda: self.recolor_at_rest,
             self.events.unpackable.emit,
         )
+        session.queries.asks_at_rest = True
         handle = self.cut_handle.points
         self.framing = Framing(
             self.viewer, session, self.packed, self.renderer, self.scheduler, handle
@@ -289,6 +290,7 @@ class SessionController:
         self.overlays.close()
         self.scheduler.close()
         self.session.animated, self.session.backend = self._before
+        self.session.queries.asks_at_rest = False
         for object_id in list(self.session.flights):
             self.session.land(object_id)
         if compat.native_canvas(self.viewer) is not None:

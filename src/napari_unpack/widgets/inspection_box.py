@@ -10,7 +10,7 @@ import numpy as np
 from qtpy.QtCore import QSignalBlocker, Qt
 from qtpy.QtWidgets import QSlider, QWidget
 
-from napari_unpack.geometry.length_unit import MM, LengthUnit
+from napari_unpack.geometry.length_unit import MM, LengthUnit, density_text
 from napari_unpack.session.errors import listed_objects, percent
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.session.quantities import three_digits, volume_words
@@ -171,7 +171,7 @@ def describe(facts: Facts, neighbours: Sequence[str], unit: LengthUnit = MM) -> 
         f"<b>{facts.name}</b>",
         f"length × width × height {size} {unit.name}, along its own axes",
         f"{volume_words(facts.volume_mm3, unit)}, "
-        f"mean density {facts.mean:.0f} ± {facts.spread:.0f}",
+        f"mean density {density_text(facts.mean)} ± {density_text(facts.spread)}",
     ]
     if not np.isnan(facts.confidence):
         why = f": {'; '.join(facts.reasons)}" if facts.reasons else ""

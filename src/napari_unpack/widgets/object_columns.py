@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from napari_unpack.geometry.length_unit import LengthUnit, VolumeUnit
+from napari_unpack.geometry.length_unit import LengthUnit, VolumeUnit, density_text
 from napari_unpack.session.errors import percent
 from napari_unpack.session.object_state import ObjectState
 
@@ -206,7 +206,7 @@ class Row:
             case Column.SIZE:
                 return PENDING
             case Column.DENSITY:
-                return f"{self.density:.0f}" if abs(self.density) >= 10 else f"{self.density:.2g}"
+                return density_text(self.density)
             case Column.CONFIDENCE:
                 return "–" if np.isnan(self.confidence) else percent(self.confidence)
             case Column.ORDER:

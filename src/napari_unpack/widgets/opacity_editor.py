@@ -11,6 +11,8 @@ from qtpy.QtCore import QPointF, QRectF, QSize, Qt, Signal
 from qtpy.QtGui import QBrush, QColor, QLinearGradient, QPainter, QPen, QPolygonF
 from qtpy.QtWidgets import QWidget
 
+from napari_unpack.geometry.length_unit import density_text
+
 if TYPE_CHECKING:
     from qtpy.QtGui import QKeyEvent, QMouseEvent, QPaintEvent
 
@@ -369,8 +371,7 @@ class OpacityEditor(QWidget):
         if self._chosen < 0:
             return ""
         density, opacity = self._points[self._chosen]
-        shown = f"{density:.0f}" if abs(density) >= 10 else f"{density:.2g}"
-        return f"density {shown}, opacity {opacity:.2g}"
+        return f"density {density_text(density)}, opacity {opacity:.2g}"
 
     def _paint_axes(self, painter: QPainter, ink: QColor) -> None:
         """Write round densities under the curve, and opacities at its left."""
