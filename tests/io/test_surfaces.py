@@ -241,3 +241,27 @@ def test_objects_of_one_name_are_all_in_the_scene_and_long_names_are_cut(tmp_pat
     files = sorted(save_surfaces(session, tmp_path / "prints").iterdir())
     assert [file.name[:4] for file in files] == ["001 ", "002 ", "003 "]
     assert max(len(file.name.encode()) for file in files) <= 255
+
+
+def test_surfaces_of_what_is_in_an_opened_container_lie_beside_those_of_the_bag(
+    tmp_path: Path,
+) -> None:
+    labels = np.zeros((50, 50, 50), np.uint16)
+    labels[10:40, 12:42, 15:45] = 1
+    labels[13:37, 15:39, 18:42] = 0
+    labels[20:30, 20:30, 20:30], labels[20:30, 20:30, 32:38] = 2, 3
+    outer = nu.Session(np.where(labels > 0, 1000 + labels * 300, 0), labels, (1, 2, 0.5))
+    outer.backend = "cpu"
+    inner = outer.opened_bags.open(outer, 1)
+    inner.rename(3, "lamp")
+    nu.save_session(outer, tmp_path / "bag.unpack")
+    saved = nu.open_session(tmp_path / "bag.unpack")
+    again = saved.opened_bags.open(saved, 1)
+    assert again.objects["name"][3] == "lamp"
+    bounds = []
+    for session in (outer, inner, again):
+        save_surfaces(session, tmp_path / "3.stl", [3])
+        bounds.append(trimesh.load(tmp_path / "3.stl").bounds)
+    # The middle of the object, x to the left and y to the back as in the scan, z upside down.
+    np.testing.assert_allclose(bounds[0].mean(axis=0), (34.5 * 0.5, 24.5 * 2, -24.5), atol=1e-4)
+    np.testing.assert_allclose(bounds[1:], [bounds[0]] * 2, atol=1e-4)

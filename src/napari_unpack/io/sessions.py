@@ -168,7 +168,7 @@ def _containers_record(session: Session) -> list[dict[str, Any]]:
 
 def _restore_containers(session: Session, fields: Fields) -> None:
     from napari_unpack.io.session_json import session_from
-    from napari_unpack.session.containers import volume_inside
+    from napari_unpack.session.containers import begins_at, volume_inside
 
     # Older files do not tell of them.
     for told in fields.parts("containers") if fields.has("containers") else ():
@@ -182,6 +182,7 @@ def _restore_containers(session: Session, fields: Fields) -> None:
             raise ValueError(f"the labels inside object {object_id} are not whole")
         labels = np.frombuffer(flat, "<u2").reshape(volume.shape).astype(np.uint16)
         bag = session_from(told["session"], volume, labels)
+        bag.first_voxel_mm = session.first_voxel_mm + begins_at(session, object_id)
         _restore_containers(bag, told)
         session.opened_bags.restore(session, object_id, bag)
 

@@ -261,6 +261,9 @@ def _meshes(
     moved = np.eye(4) if standing is None else np.asarray(standing, dtype=np.float64)
     told = session.scanner_from_scan
     place = (SCANNER_FROM_SCAN if told is None else told) @ moved
+    if told is None:
+        # Beside the surfaces of the bag it was cut out of.
+        place[:3, 3] += place[:3, :3] @ session.first_voxel_mm
     # A file may say mm and mean µm: the length unit knows.
     scale = session.length_unit.true_mm
     for k, i in enumerate(ids):

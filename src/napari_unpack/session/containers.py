@@ -22,6 +22,9 @@ LEAST_SHARE = 0.004
 
 MOST_PARTS = 40
 
+MARGIN = 2
+"""Voxels around an object that is opened."""
+
 LEAST_SEPARATION = 0.9
 """Share of the spread of densities that lies between their classes: noise about one density has
 0.81, all densities alike 0.89, and things of two or three densities nearly 1."""
@@ -109,17 +112,28 @@ def open_container(session: Session, object_id: int, rotation: Matrix | None = N
     inner.max_group_size, inner.take_least_occluded = 1, True
     inner.rule, inner.tolerance = session.rule, session.tolerance
     inner.assumed = session.assumed
+    first = begins_at(session, object_id)
+    inner.first_voxel_mm = session.first_voxel_mm + first
     if session.scanner_from_scan is not None:
         inner.scanner_from_scan = session.scanner_from_scan.copy()
-        start = [one.start for one in session.boxes.slices(object_id, margin=2)]
-        inner.scanner_from_scan[:3, 3] += session.scanner_from_scan[:3, :3] @ (
-            start * session.spacing
-        )
+        inner.scanner_from_scan[:3, 3] += session.scanner_from_scan[:3, :3] @ first
     shell = object_id if known else _shell(parts, ids)
     if shell:
         inner.force_unpack(shell)
     inner.history.clear()
     return inner
+
+
+def begins_at(session: Session, object_id: int) -> NDArray[np.float64]:
+    """Return where the bag that an object is opened as begins in the session's, mm z y x.
+
+    Parameters
+    ----------
+    session : Session
+    object_id : int
+    """
+    window = session.boxes.slices(object_id, MARGIN)
+    return np.array([side.start for side in window]) * session.spacing
 
 
 def volume_inside(session: Session, object_id: int) -> NDArray[Any]:
@@ -139,7 +153,7 @@ def _contents(
     session: Session, object_id: int
 ) -> tuple[NDArray[np.uint16], NDArray[np.bool_], NDArray[Any]]:
     """Return labels, mask of the object with what is in it, and volume."""
-    window = session.boxes.slices(object_id, margin=2)
+    window = session.boxes.slices(object_id, MARGIN)
     labels = np.asarray(session.labels[window])
     family = _family(session, object_id) | surrounded(labels, object_id)
     return labels, np.isin(labels, list(family)), np.asarray(session.volume[window])

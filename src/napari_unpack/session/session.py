@@ -75,6 +75,8 @@ class Session:
         The cutting plane and the clipping box, which are among `clipping`.
     scanner_from_scan, assumed : (4, 4) ndarray of float64 or None, tuple of str
         As in a `Scan`: where its surfaces belong, and what its file does not say.
+    first_voxel_mm : (3,) ndarray of float64
+        Where it begins in the scan it was cut out of, as an opened container is, z y x.
     opened_bags : OpenedBags
     review : Review
     flights, history, events
@@ -141,6 +143,7 @@ class Session:
         self.label_editor, self.annotations = LabelEditor(document), Annotations(document)
         self.measurements, self.cutting = Measurements(document), Cutting(document)
         self.scanner_from_scan: Matrix | None = None
+        self.first_voxel_mm = np.zeros(3)
         self.assumed: tuple[str, ...] = ()
         self._scene_description, self.opened_bags = SceneDescription(), OpenedBags()
         self.review = Review(document, self.label_editor)
