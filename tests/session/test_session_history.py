@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 from napari_unpack.geometry.view import View
+from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session import ObjectState
 
 ONE = st.integers(1, 5)
@@ -253,3 +254,38 @@ def test_a_step_that_cannot_be_taken_back_is_still_done():
     session.clipping = None
     assert session.undo() == done[-1]
     assert session.cutting.box is not None
+
+
+def test_pictures_of_steps_are_mirrored_with_the_bag_whichever_way_one_comes_to_them():
+    def away(session):
+        return {i: at.rotation.tolist() for i, at in session.state.placements.items()}
+
+    mirrored = []
+    for before in ("both out", "one undone", "gone back to the start"):
+        session = session_of(stack_of_plates())
+        session.unpack(1)
+        session.set_style(2, ObjectStyle(session.transfer_function))
+        session.unpack(1)
+        if before == "one undone":
+            session.undo()
+        elif before == "gone back to the start":
+            session.go_to(0)
+        session.look(replace(session.camera, stretch=-np.eye(3)))
+        if before == "one undone":
+            session.redo()
+        elif before == "gone back to the start":
+            session.go_to(2)
+        mirrored.append(away(session))
+        # And back again to one alone, whose picture is the mirrored one as well.
+        session.undo() if before != "gone back to the start" else session.go_to(1)
+        assert away(session) == {1: mirrored[0][1]}
+    assert mirrored[0] == mirrored[1] == mirrored[2]
+    assert mirrored[0].keys() == {1, 2}
+    # A step that moves nothing leaves what has moved since alone.
+    session = session_of(stack_of_plates())
+    session.unpack(1)
+    session.set_style(2, ObjectStyle(session.transfer_function))
+    session.look(replace(session.camera, stretch=-np.eye(3)))
+    before = session.state.placements
+    session.undo()
+    assert session.state.placements is before

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -275,10 +275,28 @@ def place(
     return placed.turned(pose.rotation, picture(pose.rotation))
 
 
-def mirror(state: SessionState) -> SessionState:
-    """Mirror all pictures, since the bag is mirrored from now on."""
-    placements = {i: placement.mirrored() for i, placement in state.placements.items()}
-    return replace(state, placements=placements)
+def mirrors() -> Callable[[SessionState], SessionState]:
+    """Return what mirrors all pictures of states, since the bag is mirrored from now on.
+
+    Parts that states share they share after it too: a step that leaves placements alone is told
+    by that.
+    """
+    # With each part, so that none is deleted and its number given to another.
+    known: dict[int, tuple[object, Any]] = {}
+
+    def once(part: T, made: Callable[[T], T]) -> T:
+        if id(part) not in known:
+            known[id(part)] = part, made(part)
+        return known[id(part)][1]  # type: ignore[no-any-return]
+
+    def mirrored(placements: Mapping[int, Placement]) -> dict[int, Placement]:
+        return {i: placement.mirrored() for i, placement in placements.items()}
+
+    def mirror(state: SessionState) -> SessionState:
+        undone = once(state.undone, lambda removals: tuple(once(r, mirrored) for r in removals))
+        return replace(state, placements=once(state.placements, mirrored), undone=undone)
+
+    return mirror
 
 
 def rename(state: SessionState, object_id: int, name: str) -> SessionState:

@@ -259,7 +259,9 @@ class Document:
         """
         # Turning never mirrors; the viewer's transform does, and sprites are mirrored with the bag.
         if np.linalg.det(camera.stretch @ self.view_state.camera.stretch) < 0:
-            self.state = commands.mirror(self.state)
+            mirror = commands.mirrors()
+            self.state = mirror(self.state)
+            self.history.every(mirror)
         self.see(view=view, camera=camera)
         self.events.view.emit(camera)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -62,6 +63,14 @@ class History:
         """Forget all steps."""
         self._done.clear()
         self._undone.clear()
+
+    def every(self, change: Callable[[SessionState], SessionState]) -> None:
+        """Change the states of all steps, by what keeps the parts that they share."""
+
+        def changed(step: Step) -> Step:
+            return Step(step.verb, change(step.before), change(step.after))
+
+        self._done, self._undone = [*map(changed, self._done)], [*map(changed, self._undone)]
 
     def push(self, step: Step, merge: bool = False) -> None:
         """Add a step, which ends the possibility to redo.
