@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import shutil
@@ -25,7 +26,7 @@ from napari_unpack import atomic
 from napari_unpack.batches import cluster
 from napari_unpack.batches.inputs import find_inputs
 from napari_unpack.batches.results import ScanResult, results_in, session_in
-from napari_unpack.batches.run_settings import Settings
+from napari_unpack.batches.run_settings import Settings, identity_of_settings
 from napari_unpack.batches.scan_work import Place, work_on
 from napari_unpack.cli import app
 from napari_unpack.io import load_labels, load_volume
@@ -270,3 +271,48 @@ def test_two_rows_of_one_volume_are_both_kept_when_done_anew(
         done = nu.batch(table, output, client, force=force, **QUICK)
         assert [one.status for one in done.results] == [status, status]
         assert sorted(one.scan for one in results_in(output)) == ["first", "second"]
+
+
+def test_tables_and_open_know_what_a_file_holds_and_is_called_now(
+    client: Any, tmp_path: Path
+) -> None:
+    scans, output = tmp_path / "in", tmp_path / "out"
+    scans.mkdir()
+    file, other = make_bag(scans / "a.npz", 0), make_bag(scans / "b.npz", 1)
+    (first, _) = nu.batch(scans, output, client, **QUICK).results
+    # Other content: what was found before is kept, and is no scan of the file that is there.
+    old, new = file.read_bytes(), make_bag(tmp_path / "c.npz", 2).read_bytes()
+    file.write_bytes(new)
+    (second, _) = nu.batch(scans, output, client, **QUICK).results
+    for content, now in ((new, second), (old, first)):
+        file.write_bytes(content)
+        for asked in (file, other):
+            report = nu.batch(asked, output, client, **QUICK)
+            assert Counter(report.objects["scan"]) == {"a": 3, "b": 3}
+            folders = pd.read_parquet(output / "scans.parquet").set_index("scan")["folder"]
+            assert folders["a"] == now.folder
+            assert session_in(output, "a").parent == output / now.folder
+    file.rename(scans / "new-name.npz")
+    nu.batch(scans, output, client, **QUICK)
+    assert session_in(output, "new-name").parent == output / first.folder
+    # A result without its table is none.
+    (output / first.folder / "objects.parquet").unlink()
+    report = nu.batch(scans, output, client, **QUICK)
+    assert [one.status for one in report.results] == ["kept", "done"]
+    assert Counter(report.objects["scan"]) == {"b": 3, "new-name": 3}
+
+
+def test_equal_settings_are_known_by_one_hash() -> None:
+    plain = Settings(smallest=200.0, view=(-1.0, 0.0, 0.0), direction=(0.0, 1.0, 0.0), grainy=True)
+    listed: Any = {"smallest": 200, "view": [-1, 0, 0], "direction": [0, 1, 0], "grainy": True}
+    arrays = {name: np.array(value)[()] for name, value in listed.items()}
+    for given in (listed, arrays):
+        assert Settings(**given, pictures=np.True_) == plain
+        assert identity_of_settings(Settings(**given)) == identity_of_settings(plain)
+    # As runs before it were written: their results are kept.
+    told = {"smallest": 200.0, "grainy": True, "view": [-1.0, 0.0, 0.0], "film": False}
+    told |= {"direction": [0.0, 1.0, 0.0], "pictures": True, "labels": "npz", "copies": True}
+    told["version"] = plain.record()["version"]
+    assert plain.record() == told
+    known = hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+    assert identity_of_settings(plain) == known

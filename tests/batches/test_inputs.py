@@ -45,7 +45,46 @@ def test_a_folder_gives_its_volumes_with_the_labels_beside_them(folder: Path) ->
 
 def test_what_is_named_twice_is_one_scan(folder: Path) -> None:
     found = find_inputs([folder / "one" / "scan.npz", f"{folder}/**/*.npz"])
-    assert [one.volume.parent.name for one in found] == ["one", "x"]
+    assert [one.volume.parent.name for one in found] == ["one"]
+
+
+def test_the_results_of_a_run_are_no_scans_of_the_next(folder: Path) -> None:
+    zarr_labels = folder / "run" / "scans" / "x" / "labels.ome.zarr"
+    (zarr_labels / "zarr.json").parent.mkdir()
+    (zarr_labels / "zarr.json").write_bytes(b"-")
+    (folder / "run" / "objects.parquet").write_bytes(b"-")
+    names = ["image", "one-scan", "series", "two-scan"]
+    # A pattern, and what a shell makes of it.
+    (folder / "readme.txt").unlink()
+    for asked in ([f"{folder}/*"], sorted(folder.glob("[!.]*"))):
+        assert sorted(one.name for one in find_inputs(asked)) == names
+    (folder / "new.npz").write_bytes(b"-")
+    found = find_inputs([folder / "new.npz", f"{folder}/run/*", f"{folder}/run/*/*/*"])
+    assert [one.name for one in found] == ["new"]
+    # Who names nothing else means them.
+    assert [one.volume for one in find_inputs([zarr_labels])] == [zarr_labels]
+    # A run among its scans, as --force allows.
+    (folder / "run.json").write_bytes(b"-")
+    (folder / "scans" / "y").mkdir(parents=True)
+    (folder / "scans" / "y" / "labels.npz").write_bytes(b"-")
+    assert sorted(one.name for one in find_inputs([folder])) == sorted([*names, "new"])
+
+
+def test_a_file_is_one_scan_however_its_path_is_spelled(tmp_path: Path) -> None:
+    for name in ("in/a.npz", "disk/in/a.npz"):
+        (tmp_path / name).parent.mkdir(parents=True)
+        (tmp_path / name).write_bytes(b"-")
+    here, there = tmp_path / "in", tmp_path / "disk" / "in"
+    found = find_inputs([here / "a.npz", here / ".." / "in" / "a.npz", here / ".."])
+    assert [one.volume for one in found] == [here / "a.npz", there / "a.npz"]
+    # Above a link is what is above the folder that it leads to.
+    (tmp_path / "link").symlink_to(there)
+    (there / "b.npz").symlink_to(there / "a.npz")
+    above = find_inputs([tmp_path / "link" / ".." / "in" / "a.npz"])
+    assert [one.volume for one in above] == [there / "a.npz"]
+    # A link to a file has a name of its own.
+    found = find_inputs([there, tmp_path / "link"])
+    assert [one.name for one in found] == ["a", "b"]
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])

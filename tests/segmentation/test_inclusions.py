@@ -98,6 +98,15 @@ def test_a_compact_thing_that_nobody_has_is_found_but_no_frame(thing):
     assert thing == "frame" or overlap(result == 2, lost) > 0.5
 
 
+def test_the_unit_of_densities_changes_nothing(pocket):
+    volume, spacing = pocket
+    cloth = (volume > 90).astype(np.int32)
+    known = separate_inclusions(cloth, volume, spacing, 500.0)
+    volume = volume * np.float32(16)
+    np.testing.assert_array_equal(separate_inclusions(cloth, volume, spacing, 500.0), known)
+    assert known.max() > 4
+
+
 def test_noise_cloth_alone_and_nothing_stay_as_they_are():
     np.testing.assert_array_equal(taken(block(CLOTH), block(1)), block(1))
     empty = np.zeros(SHAPE, np.int32)

@@ -220,3 +220,12 @@ def test_bad_volumes_are_refused(volume):
 def test_bad_spacing_is_refused():
     with pytest.raises(ValueError, match="spacing"):
         segment(np.arange(27.0).reshape(3, 3, 3), (1, 0, 1))
+
+
+def test_what_is_too_small_is_refused_with_both_limits():
+    volume = np.random.default_rng(0).normal(0, 5, (24, 24, 24)).astype(np.float32)
+    volume[10:14, 10:14, 10:14] += 1000
+    # Of 64 voxels.
+    with pytest.raises(ValueError, match=r"has 0 mm\^3 and 100 voxels; .*shell=False") as told:
+        segment(volume, smallest=0)
+    assert "supports=False" in str(told.value)

@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from phantoms import packed, scanned
@@ -55,6 +57,30 @@ def test_a_volume_without_labels_is_refused():
     bag.labels = np.zeros_like(bag.labels)
     with pytest.raises(ValueError, match="labels"):
         train([bag])
+
+
+@pytest.mark.parametrize(
+    ("labels", "spacing", "words"),
+    [
+        (np.full((4, 5, 6), -1), (1.0, 1.0, 1.0), "negative labels, got -1"),
+        (np.ones((4, 5, 6), np.int32), (1.0, 0.0, 1.0), "spacing"),
+        (np.ones((4, 5, 6), np.int32), (1.0, np.nan, 1.0), "spacing"),
+    ],
+)
+def test_labels_and_spacings_that_cannot_be_learned_from_are_refused(labels, spacing, words):
+    bag = SimpleNamespace(volume=np.ones(labels.shape), labels=labels, spacing=spacing)
+    with pytest.raises(ValueError, match=words):
+        train([bag])
+
+
+def test_the_size_of_an_id_changes_nothing():
+    bag = simulate_bag(seed=3, shape=(40, 44, 52), count=6)
+    known = oracle_examples(bag)
+    far = np.where(bag.labels > 0, bag.labels.astype(np.int64) + 2**36, 0)
+    moved = oracle_examples(SimpleNamespace(volume=bag.volume, labels=far, spacing=bag.spacing))
+    for rows, others in zip(known, moved, strict=True):
+        np.testing.assert_array_equal(rows, others)
+    assert len(known[0]) > 3
 
 
 def test_the_oracle_that_ships_tells_objects_of_an_unseen_bag_from_pairs_and_halves():

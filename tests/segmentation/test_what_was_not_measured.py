@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -75,6 +77,35 @@ def test_labels_do_not_go_into_the_volume_nor_into_what_is_read_only() -> None:
     locked.flags.writeable = False
     with pytest.raises(TypeError, match="read-only"):
         nu.segment(volume, out=locked)
+
+
+def test_labels_do_not_go_into_the_file_that_the_volume_is_read_from(tmp_path: Path) -> None:
+    zarr, dask = importlib.import_module("zarr"), importlib.import_module("dask.array")
+    volume = boxes().astype(np.int32)
+    stored = zarr.create_group(tmp_path / "scan.zarr").create_array("0", data=volume)
+    again = zarr.open_array(tmp_path / "scan.zarr" / "0")
+    memory = zarr.create_array({}, data=volume)
+    np.save(tmp_path / "scan.npy", volume)
+    mapped = np.load(tmp_path / "scan.npy", mmap_mode="r")[:]
+    written = np.asarray(np.load(tmp_path / "scan.npy", mmap_mode="r+"))
+    pairs = [(stored, stored), (stored, again), (dask.from_array(stored) + 1, stored)]
+    for scan, out in [*pairs, (memory, memory), (mapped, written)]:
+        with pytest.raises(ValueError, match="another array than the volume"):
+            nu.segment(scan, out=out)
+        assert (np.asarray(scan) - volume).std() == 0
+    locked = zarr.open_array(tmp_path / "scan.zarr" / "0", mode="r")
+    with pytest.raises(TypeError, match="read-only"):
+        nu.segment(volume, out=locked)
+
+
+def test_small_numbers_hold_the_same_objects() -> None:
+    given, span = bag().volume, 1e-5
+    found, known = nu.segment(given * (span / np.ptp(given))), nu.segment(given)
+    # Rounding moves few voxels.
+    assert np.count_nonzero(found.labels != known.labels) < 1e-3 * given.size
+    # In the scan's own unit.
+    share = found.objects["mean_density"] / known.objects["mean_density"]
+    np.testing.assert_allclose(share, span / np.ptp(given), rtol=0.01)
 
 
 @pytest.mark.parametrize("offset", [-1000.0, 10_000.0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import glob
 import math
+import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -12,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from napari_unpack.batches.run_settings import is_run
+from napari_unpack.batches.run_settings import SCANS, is_run
 from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import Spacing, checked_spacing
 from napari_unpack.io.volumes import DICOM_SUFFIXES, READABLE, stem_of, suffix_of
@@ -56,6 +57,7 @@ def find_inputs(asked: Iterable[str | Path]) -> list[ScanInput]:
         Files; folders, of which everything readable is taken (a folder of DICOM files is one
         scan); patterns such as ``scans/*.npz``; tables (.csv, .parquet) with a column `volume` and
         perhaps `labels`, `spacing` ("z y x" in mm) and `name`. Paths in a table start from it.
+        Results of a run are left out, unless nothing else is named.
 
     Raises
     ------
@@ -64,12 +66,11 @@ def find_inputs(asked: Iterable[str | Path]) -> list[ScanInput]:
     ValueError
         If there is no scan, or a table cannot be used.
     """
-    found = {
-        (scan.volume, scan.labels, scan.spacing): scan
-        for one in asked
-        for path in _paths(str(one))
-        for scan in _scans(path)
-    }
+    found: dict[Any, ScanInput] = {}
+    for path in _without_results([path for one in asked for path in _paths(str(one))]):
+        for scan in _scans(path):
+            key = (_place(scan.volume), scan.labels and _place(scan.labels), scan.spacing)
+            found.setdefault(key, scan)
     if not found:
         raise ValueError("no scans: name files, folders, patterns or a table of volumes")
     return _told_apart(list(found.values()))
@@ -78,12 +79,34 @@ def find_inputs(asked: Iterable[str | Path]) -> list[ScanInput]:
 def _paths(asked: str) -> list[Path]:
     path = Path(asked).expanduser()
     if path.exists():
-        return [path.absolute()]
+        return [_plain(path)]
     # A shell leaves a pattern as it is where it is quoted, and Windows always does.
     names = sorted(glob.glob(str(path), recursive=True)) if glob.has_magic(asked) else []
     if not names:
         raise FileNotFoundError(f"no such file or folder: {asked}")
-    return _without_labels([Path(name).absolute() for name in names])
+    return _without_labels([_plain(Path(name)) for name in names])
+
+
+def _without_results(paths: list[Path]) -> list[Path]:
+    """Return paths without what is a run's folder or lies in one, as patterns find that too."""
+    above = {path: {path, *path.parents} for path in paths}
+    # Who names nothing else means what lies there.
+    every = set[Path]().union(*above.values())
+    runs = set(filter(is_run, every - every.intersection(*above.values())))
+    return [path for path in paths if runs.isdisjoint(above[path])]
+
+
+def _plain(path: Path) -> Path:
+    """Return an absolute path without "..", which is above where a link leads."""
+    path = path.absolute()
+    if path.name == "..":
+        return path.resolve()
+    return Path(*_place(path)) if ".." in path.parts else path
+
+
+def _place(path: Path) -> tuple[str, str]:
+    """Return by what a file is known, however it is spelled: a link to it has a name of its own."""
+    return os.path.realpath(path.parent), path.name
 
 
 def _scans(path: Path) -> Iterator[ScanInput]:
@@ -111,7 +134,8 @@ def _inside(folder: Path, above: frozenset[Path]) -> Iterator[Path]:
     yield from _without_labels(files)
     for entry in entries:
         # What starts with a point is hidden, or half written; results are no inputs.
-        if entry.is_dir() and not entry.name.startswith(".") and not is_run(entry):
+        mine = is_run(entry) or (entry.name == SCANS and is_run(folder))
+        if entry.is_dir() and not entry.name.startswith(".") and not mine:
             yield from [entry] if _is_volume(entry) else _inside(entry, above | {real})
 
 

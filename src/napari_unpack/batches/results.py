@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from napari_unpack.atomic import written_atomically
 from napari_unpack.batches.run_settings import SCANS
 from napari_unpack.io.session_archive import holds_session
 
@@ -86,13 +87,41 @@ def folder_name(scan: str, identity: str) -> str:
 
 
 def read_result(folder: Path) -> ScanResult | None:
-    """Return the record in a scan's folder; None where it is not done."""
+    """Return the record in a scan's folder; None where it is not done, or not whole any more."""
     try:
         told = json.loads((folder / DONE).read_text("utf-8"))
-        return ScanResult(**{**told, "notes": tuple(told["notes"])})
+        found = ScanResult(**{**told, "notes": tuple(told["notes"])})
     except (OSError, ValueError, TypeError, KeyError):
         # Not done, or by another version: it is made anew.
         return None
+    # The table of the whole run is made of it.
+    return found if (folder / OBJECTS).is_file() else None
+
+
+def note_names(output: Path, results: Iterable[ScanResult]) -> None:
+    """Let the records of kept results say what their scans are called now, as the tables do.
+
+    Parameters
+    ----------
+    output : Path
+        The run's folder.
+    results : iterable of ScanResult
+    """
+    found: dict[tuple[str, str], list[ScanResult]] = {}
+    for one in results_in(output):
+        found.setdefault((one.source, one.scan), []).append(one)
+    for one in results:
+        key = one.source, one.scan
+        if one.status != "kept" or (key in found and found[key][-1].folder == one.folder):
+            continue
+        before = read_result(output / one.folder)
+        # Where the file of the record is there as well, one is a copy of the other.
+        if before and (before.source == one.source or not Path(before.source).exists()):
+            # What the file held earlier stays what it held earlier.
+            for told in (*found.get((before.source, before.scan), ()), one):
+                told = replace(told, scan=one.scan, source=one.source, status="done")
+                with written_atomically(output / told.folder / DONE) as temporary:
+                    temporary.write_text(json.dumps(told.record(), indent=1), encoding="utf-8")
 
 
 def session_in(place: Path, scan: str | None = None) -> Path:
@@ -129,9 +158,19 @@ def session_in(place: Path, scan: str | None = None) -> Path:
 
 
 def results_in(output: Path) -> Iterator[ScanResult]:
-    """Yield the records of all scans that a run's folder holds."""
-    folder = output / SCANS
-    for entry in sorted(folder.iterdir()) if folder.is_dir() else ():
-        found = read_result(entry) if not entry.name.startswith(".") else None
+    """Yield the records of all scans that a run's folder holds, of a replaced file's all, in turn.
+
+    The last of those of one name is that of the file that is there now.
+    """
+    for done in sorted((output / SCANS).glob("[!.]*/" + DONE), key=_when):
+        found = read_result(done.parent)
         if found is not None:
             yield found
+
+
+def _when(file: Path) -> tuple[int, Path]:
+    try:
+        return file.stat().st_mtime_ns, file
+    except OSError:
+        # Somebody removed it this moment.
+        return 0, file

@@ -18,7 +18,7 @@ from napari_unpack.batches.cluster import (
 from napari_unpack.batches.index_page import write_index
 from napari_unpack.batches.inputs import ScanInput, find_inputs
 from napari_unpack.batches.object_rows import join_object_rows
-from napari_unpack.batches.results import OBJECTS, ScanResult, results_in
+from napari_unpack.batches.results import OBJECTS, ScanResult, note_names, results_in
 from napari_unpack.batches.run_settings import (
     Settings,
     check_folder,
@@ -158,12 +158,13 @@ def batch(
     results = tuple(done[scan.name] for scan in scans)
     if force:
         _remove_replaced(folder, results)
+    note_names(folder, results)
     # Scans of earlier calls with these settings stay in the report, but for those whose file has
-    # another name now.
+    # another name or other content now.
     named = {one.folder for one in results}
     others = [
         one
-        for one in results_in(folder)
+        for one in {(one.source, one.scan): one for one in results_in(folder)}.values()
         if one.settings == identity_of_settings(settings)
         and one.source not in {scan.source for scan in results}
         and (one.folder not in named or Path(one.source).exists())

@@ -64,6 +64,15 @@ class Settings:
         # Before any scan: each would fail by it.
         View(self.view)
         checked_direction(self.direction)
+        # What is equal is known by one hash, and JSON takes no numbers of numpy.
+        plain: dict[str, Any] = {"view": tuple(map(float, self.view))}
+        if not isinstance(self.direction, str | None):
+            plain["direction"] = tuple(map(float, self.direction))
+        plain["smallest"] = None if self.smallest is None else float(self.smallest)
+        plain["grainy"] = None if self.grainy is None else bool(self.grainy)
+        plain |= {k: bool(getattr(self, k)) for k in ("pictures", "film", "copies")}
+        for name, value in plain.items():
+            object.__setattr__(self, name, value)
 
     def record(self) -> dict[str, Any]:
         """Return them as plain data, with the version whose results they decide."""

@@ -319,8 +319,9 @@ def _segment_grid(
     labels = rank_labels(labels)
     if not labels.any():
         raise NothingFoundError(
-            f"nothing found: no object has {options.smallest:g} mm^3; "
-            "pass a smaller smallest= or a lower foreground="
+            f"nothing found: no object has {options.smallest:g} mm^3 and {MIN_OBJECT_VOXELS} "
+            "voxels; pass a smaller smallest= or a lower foreground=; shell=False and "
+            "supports=False keep what was taken for the bag or the scanner's table"
         )
     return labels
 

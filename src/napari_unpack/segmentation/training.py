@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
+from napari_unpack.geometry.relabeling import MOST_OBJECTS, compact_labels
 from napari_unpack.segmentation.common.adjacency import touching_area_matrix
 from napari_unpack.segmentation.common.density_regions import air_offset
 from napari_unpack.segmentation.common.region import Region, bounding_box
-from napari_unpack.segmentation.common.validation import Spacing
+from napari_unpack.segmentation.common.validation import Spacing, checked_labels, checked_spacing
 from napari_unpack.segmentation.confidence.features import features
 from napari_unpack.segmentation.confidence.oracle import Oracle, fit_features
 from napari_unpack.tasks import SILENT, Progress, Share, relayed
@@ -98,8 +99,8 @@ def train(bags: Iterable[Labelled], seed: int = 0, progress: Progress | None = N
 
     Raises
     ------
-    ValueError
-        If a volume has no labels of its shape, or there are fewer than eight objects.
+    TypeError, ValueError
+        If a volume cannot be used, see `oracle_examples`, or there are fewer than eight objects.
     """
     return relayed(lambda report: _trained(bags, seed, Share(report)), progress)
 
@@ -158,9 +159,8 @@ def train_on_examples(
         raise ValueError(
             f"an oracle needs at least 8 examples to be trained on, {len(wanted)} are marked"
         )
-    a, b, c = (float(v) for v in spacing)
     kept = np.where(np.isin(labels, wanted), labels, 0)
-    return train([_Examples(np.asarray(volume), kept, (a, b, c))], seed, progress)
+    return train([_Examples(np.asarray(volume), kept, checked_spacing(spacing))], seed, progress)
 
 
 def oracle_examples(
@@ -178,15 +178,20 @@ def oracle_examples(
 
     Raises
     ------
+    TypeError
+        If labels are not integers.
     ValueError
-        If the volume has no labels of its shape.
+        If the volume has no labels of its shape, one is negative, or the spacing is not usable.
     """
     if bag.labels is None or bag.labels.shape != bag.volume.shape or not bag.labels.any():
         raise ValueError("a volume to learn from needs labels of its own shape; segment it first")
-    a, b, c = (float(v) for v in bag.spacing)
-    objects = list(true_objects(bag.volume, bag.labels, (a, b, c)))
+    labels, size = checked_labels(bag.labels, "labels"), checked_spacing(bag.spacing)
+    if labels.max() > MOST_OBJECTS:
+        # Tables have a row for each ID up to the largest.
+        labels = compact_labels(labels)[0]
+    objects = list(true_objects(bag.volume, labels, size))
     share(0.1)
-    merged = list(merged_pairs(bag.volume, bag.labels, (a, b, c)))
+    merged = list(merged_pairs(bag.volume, labels, size))
     halved = list(halves(objects, np.random.default_rng(seed)))
     good = [features(region) for region in share.part(0.2, 0.5).over(objects)]
     bad = [features(region) for region in share.part(0.5, 1.0).over(merged + halved)]

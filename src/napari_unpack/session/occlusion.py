@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from time import perf_counter
 
@@ -308,6 +308,30 @@ def find_next_unpackable(
     except (StopIteration, TimeoutError):
         return None
     return NextUnpackable(tuple(found), clock() - start)
+
+
+def in_turn(
+    ids: Iterable[int],
+    packed: frozenset[int],
+    unpackable: Callable[[frozenset[int]], frozenset[int]],
+) -> list[Group]:
+    """Return those that can leave where no table says who blocks whom, blockers first.
+
+    Parameters
+    ----------
+    ids : iterable of int
+        Who is to leave.
+    packed : frozenset of int
+        Objects in the bag.
+    unpackable : callable
+        Given who is packed, tells who can leave: new rays, in every turn.
+    """
+    groups: list[Group] = []
+    left = [i for i in dict.fromkeys(ids) if i in packed]
+    while free := [i for i in left if i in unpackable(packed)]:
+        groups += [(i,) for i in free]
+        left, packed = [i for i in left if i not in free], packed.difference(free)
+    return groups
 
 
 def view_along(

@@ -46,6 +46,7 @@ from napari_unpack.session.occlusion import (
     OcclusionResult,
     find_next_unpackable,
     find_occlusion,
+    in_turn,
     view_along,
 )
 from napari_unpack.session.query_keys import BagUpKey, LabelsKey, SlotsKey, StatesKey
@@ -168,13 +169,11 @@ class Queries:
         packed : frozenset of int, optional
             By default what is packed now.
         afresh : bool
-            A result for more packed objects does not do, even where it would be found again.
-            Else it does there, and in a window that `asks_at_rest`.
+            A result for more packed objects does not do even where it would be found again.
         """
         key = self._occlusion_key(direction, packed)
         known = None if afresh else self._known_occlusion(key, finer=not self.asks_at_rest)
-        if known is None:
-            known = self._cache.find(key, OcclusionKey.equals)
+        known = known or self._cache.find(key, OcclusionKey.equals)
         if known is None:
             known = self._find_occlusion()(key)
             self._keep(key, known)
@@ -199,9 +198,7 @@ class Queries:
     ) -> OcclusionResult | None:
         key = key or self._occlusion_key()
         found: OcclusionResult | None = self._cache.find(key, OcclusionKey.covers)
-        if found is not None and finer and found.may_change(key.packed):
-            return None
-        return found
+        return None if found and finer and found.may_change(key.packed) else found
 
     def _occlusion_key(
         self, direction: Vector | None = None, packed: frozenset[int] | None = None
@@ -400,7 +397,7 @@ class Queries:
             return self._plan(quick.groups, self.direction, quick, state)
         known = self.occlusion(packed=packed)
         if known.blocking is None:
-            groups = self._in_turn(ids, packed)
+            groups = in_turn(ids, packed, lambda left: self.occlusion(packed=left).unpackable)
             blocked = wanted.difference(*groups)
             if wanted == self._forced(packed, known):
                 groups = [tuple(wanted)]
@@ -422,16 +419,6 @@ class Queries:
                 )
             groups = graph.removals(wanted)
         return self._plan(groups, self.direction, known, state)
-
-    def _in_turn(self, ids: Iterable[int], packed: frozenset[int]) -> list[Group]:
-        """Return those that can leave without a table, each once what blocks it has left."""
-        groups: list[Group] = []
-        left = [i for i in dict.fromkeys(ids) if i in packed]
-        # Only new rays tell what has become unpackable.
-        while free := [i for i in left if i in self.occlusion(packed=packed).unpackable]:
-            groups += [(i,) for i in free]
-            left, packed = [i for i in left if i not in free], packed.difference(free)
-        return groups
 
     def _forced(self, packed: frozenset[int], known: OcclusionResult) -> set[int]:
         """Return the object that may leave for want of anything unpackable."""
@@ -532,10 +519,8 @@ class Queries:
     def _known_survey(self) -> DirectionSurvey | None:
         key = self._survey_key()
         found: DirectionSurvey | None = self._cache.find(key, SurveyKey.covers)
-        # There were too many objects for tables, and may be no more.
-        if found is not None and not found.directions:
-            found = self._cache.find(key)
-        return found
+        # Where there were too many objects for tables, there may be few enough now.
+        return found if found is None or found.directions else self._cache.find(key)
 
     def _survey_counts(self, key: SurveyKey) -> Callable[[Vector], OcclusionCounts]:
         session = self._session

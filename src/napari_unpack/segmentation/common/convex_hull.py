@@ -73,7 +73,8 @@ def support_points(points: NDArray[np.float64], count: int = 96) -> NDArray[np.f
     Returns
     -------
     (K, 3) ndarray of float64
-        At most `count` of the points. Their hull has all of a box, and 95 % of a ball.
+        At most `count` of the points. Their hull has all of a box, and 95 % of a ball. Where they
+        lie in a plane and the points do not, the corners of the points' hull.
     """
     # No more points than directions: there is nothing to gain.
     if len(points) <= count:
@@ -83,7 +84,9 @@ def support_points(points: NDArray[np.float64], count: int = 96) -> NDArray[np.f
     z, turn = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
     ring = np.sqrt(1 - z * z)
     directions = np.stack([z, ring * np.cos(turn), ring * np.sin(turn)])
-    return np.asarray(points[np.unique(np.argmax(points @ directions, axis=0))])
+    found = np.asarray(points[np.unique(np.argmax(points @ directions, axis=0))])
+    # Of what is hundreds of times longer than wide every direction finds an end.
+    return found if np.linalg.matrix_rank(found - found[0]) == 3 else _corners(points)
 
 
 def hull_volume(corners: NDArray[np.float64]) -> float:

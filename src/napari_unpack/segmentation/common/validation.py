@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from typing import Any
 
@@ -104,8 +105,9 @@ def _finite_range(array: NDArray[np.generic]) -> tuple[float, float]:
     return low, high
 
 
-# Sums of squares of a volume's values stay exact to a millionth in float32 between these.
-_SPANS = (1e-6, 1e12)
+# Sums of squares of a volume's values stay exact to a millionth in float32 below the second; below
+# the first, noise comes near the millionths that keep divisors from 0.
+_SPANS = (0.5, 1e12)
 
 _LARGEST_SPAN_SHARE = 1e4
 """How far from zero values may lie, in their own range: float32 tells 2^24 of them apart."""
@@ -168,14 +170,29 @@ def check_out(out: Any, volume: Any, shape: tuple[int, int, int]) -> None:
             f"out must be an array of integers of 16 bits or more that can be written to, got "
             f"{type(out).__name__} of {dtype}"
         )
-    if isinstance(out, np.ndarray) and not out.flags.writeable:
+    locked = isinstance(out, np.ndarray) and not out.flags.writeable
+    # A Zarr array says so itself.
+    if locked or getattr(out, "read_only", False):
         raise TypeError("out must be an array that can be written to, got a read-only one")
     if tuple(out.shape) != shape:
         raise ValueError(f"out must have the volume's shape {shape}, got {tuple(out.shape)}")
     arrays = isinstance(out, np.ndarray) and isinstance(volume, np.ndarray)
+    # A dask array reads from what it was made of.
+    read = [_place_of(one) for one in (volume, *dict(getattr(volume, "dask", {})).values())]
     # Objects are measured after labels are written.
-    if arrays and np.may_share_memory(out, volume):
+    if _place_of(out) in read or (arrays and np.may_share_memory(out, volume)):
         raise ValueError("out must be another array than the volume, which it would overwrite")
+
+
+def _place_of(array: Any) -> Any:
+    """Return where values lie: the file of a memory map, the store and path of a Zarr array."""
+    store, path, base = getattr(array, "store", None), getattr(array, "path", ""), array
+    if store is not None:
+        root = getattr(store, "root", None)
+        return (store, path) if root is None else os.path.realpath(os.path.join(root, path))
+    while base is not None and getattr(base, "filename", None) is None:
+        base = getattr(base, "base", None)
+    return id(array) if base is None else os.path.realpath(base.filename)
 
 
 def checked_spacing(spacing: Sequence[float] | ArrayLike) -> Spacing:

@@ -25,6 +25,9 @@ from napari_unpack.tasks import SILENT, Share
 # Of log density, 64 to a factor of e.
 BINS = 1024
 
+LIGHT, SOFT = 0.6, (5.0, 12.0)
+"""Soft is what has so much of the density that 92 % of objects' voxels are below, within knees."""
+
 
 @dataclass(frozen=True)
 class InclusionRule:
@@ -32,13 +35,13 @@ class InclusionRule:
 
     Parameters
     ----------
+    soft : float
+        Density above air up to which a host is soft: cloth, paper and foam, but not leather, wood
+        and plastic, in which metal is a motor, a battery or a hinge.
     core : float
         Times the upper quartile of its host, above air, from which a voxel may be of a piece.
     lost : float
         Times that, where nothing has been found to be an object.
-    soft : float
-        CT number + 1000, above air, up to which a host is soft: cloth, paper and foam, but not
-        leather, wood and plastic, in which metal is a motor, a battery or a hinge.
     contrast : float
         Times the upper quartile of its host nearby that the median of a piece is.
     around : float
@@ -60,9 +63,9 @@ class InclusionRule:
         What a large piece is taken from is looked at anew.
     """
 
+    soft: float
     core: float = 5.0
     lost: float = 1.5
-    soft: float = 550.0
     contrast: float = 7.0
     around: float = 0.1
     near: float = 2.5
@@ -95,15 +98,17 @@ def separate_inclusions(
         mm^3, below which what is left of a host joins a neighbour; pieces are kept down to a
         quarter of it.
     rule : InclusionRule, optional
+        By default with what is soft beside the volume's other densities.
     share : Share
     """
     # The core of a piece is what stands out against its own host. A piece ends at half the density
     # of its core, and is one if that is a step all round and its host is soft nearby: a battery in
     # the plastic of a radio has plastic around it, the rim of a can has the can, a plug has its
     # cable. A piece that is a wall, such as a metal box, takes in what its convex hull holds.
-    limits, scale = rule or InclusionRule(), scale_of(labels, density)
+    scale = scale_of(labels, density)
     if scale is None:
         return labels
+    limits = rule or InclusionRule(_softest(labels, density, scale))
     voxel = float(np.prod(spacing))
     least = max(limits.fewest, smallest / 4 / voxel)
     result = labels
@@ -123,6 +128,14 @@ def separate_inclusions(
         open_to[hollowed] = True
         open_to[before + 1 : pieces + 1] = False
     return result
+
+
+def _softest(labels: NDArray[np.int32], density: NDArray[np.generic], scale: DensityScale) -> float:
+    """Return the density above air up to which a host is soft, in whatever unit densities are."""
+    values = density[labels > 0][:: max(1, labels.size // 1_000_000)].astype(np.float64)
+    # Of a bag that is mostly cloth the median is low, of one that is all cloth what is dense too.
+    bright = float(np.nanquantile(values, 0.92)) - scale.air
+    return float(np.clip(LIGHT * bright, *np.multiply(SOFT, scale.knee)))
 
 
 def _taken(
