@@ -170,6 +170,37 @@ def test_a_brush_is_taken_over_and_can_be_undone() -> None:
     assert_consistent(s)
 
 
+def test_a_stroke_on_what_is_outside_is_refused_and_the_rest_counts() -> None:
+    s = session()
+    s.unpack([2])
+    painted = s.labels.copy()
+    painted[4:6, 16:22, 4:10] = 3
+    painted[15, :2, :2] = 2
+    refused = s.label_editor.paint_task(painted).run(no_progress)
+    assert len(refused.refused.where) == 76
+    # Nothing is left of it, which is no step of undo.
+    steps = len(s.history.done)
+    assert s.label_editor.apply(refused)
+    assert len(s.history.done) == steps
+    painted[15, 2:4, 30:34] = 7
+    assert s.label_editor.apply(s.label_editor.paint_task(painted).run(no_progress))
+    wanted = dumbbell()[1]
+    wanted[15, 2:4, 30:34] = 7
+    assert np.array_equal(s.labels, wanted)
+    assert s.states[2] is ObjectState.UNPACKED
+    assert_consistent(s)
+
+
+@pytest.mark.parametrize("factor", [1, 100_000])
+def test_a_label_below_zero_is_refused_by_its_number(factor: int) -> None:
+    volume, labels = dumbbell()
+    s = Session(volume, labels.astype(np.int64) * factor)
+    painted = labels.astype(np.int64) * factor
+    painted[0, 0, :5] = -5
+    with pytest.raises(ValueError, match="got -5"):
+        s.label_editor.paint_task(painted).run(no_progress)
+
+
 def test_ids_above_65535_keep_the_names_people_know() -> None:
     volume, labels = dumbbell()
     s = Session(volume, labels.astype(np.int64) * 100_000)

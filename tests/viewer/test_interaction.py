@@ -238,6 +238,30 @@ def test_a_click_in_a_slice_selects_there_and_leaves_the_slice(sliced, session, 
     assert viewer.dims.current_step[0] == 30
 
 
+def test_dabs_of_a_brush_in_a_slice_leave_its_label_and_what_is_selected(
+    make_napari_viewer_proxy, bag, session, qtbot
+) -> None:
+    viewer, controller, labels = on_slices(make_napari_viewer_proxy(show=True), bag, session, 10)
+    canvas(viewer)
+    widget, camera = native(viewer), viewer.scene.camera
+    middle = QPoint(widget.width() // 2, widget.height() // 2)
+    viewer.layers.selection.active = labels
+    labels.mode, labels.brush_size = "paint", 1
+    # As the panel does, or the session's labels would be painted too.
+    session.own_labels([labels.data])
+    session.select([1])
+    labels.selected_label = 2
+    # Both in object 5.
+    for row in (34, 38):
+        way = (np.array([row, 36]) * 1.5 - np.asarray(camera.center)[-2:]) * camera.zoom
+        QTest.mouseClick(widget, LEFT, pos=middle + QPoint(round(way[1]), round(way[0])))
+        qtbot.wait(20)
+    assert (labels.data[10, 34, 36], labels.data[10, 38, 36]) == (2, 2)
+    assert labels.selected_label == 2
+    assert session.selected == {1}
+    controller.close()
+
+
 def test_a_rubber_band_selects_what_it_encloses_in_a_slice(sliced, session, qtbot) -> None:
     viewer, _, _ = sliced
     session.select([])

@@ -127,6 +127,37 @@ def test_colours_are_the_sessions_and_the_curve_stays(
     workspace.close()
 
 
+def test_the_name_of_the_curve_follows_undo_and_sessions_that_open(piled, panel, qtbot) -> None:
+    section, commands = panel.color, panel.commands
+    preset = section.preset
+
+    def named(name: str) -> None:
+        qtbot.waitUntil(lambda: preset.currentText() == name, timeout=10000)
+
+    preset.setCurrentText("Metal")
+    preset.activated.emit(preset.currentIndex())
+    metal = piled.transfer_function
+    commands.undo()
+    named("Automatic")
+    commands.redo()
+    named("Metal")
+    panel.workspace.open(piled)
+    named("Metal")
+    # Who asks for a curve of their own gets the editor, with the one that is shown.
+    preset.setCurrentText("My own curve")
+    preset.activated.emit(preset.currentIndex())
+    named("My own curve")
+    assert section.curve.toggle.isChecked()
+    assert piled.transfer_function == metal
+    section.editor.edited.emit([(0.0, 0.0), (2000.0, 0.5)])
+    qtbot.waitUntil(lambda: piled.transfer_function != metal, timeout=10000)
+    panel.workspace.open(piled)
+    named("My own curve")
+    # One step with the preset before it.
+    commands.undo()
+    named("Automatic")
+
+
 def test_the_menu_keeps_the_colours_of_chosen_objects(piled, panel) -> None:
     ids = sorted(piled.states)[:2]
     panel.objects.table.show_selection(frozenset(ids))

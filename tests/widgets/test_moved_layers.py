@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from napari.utils.notifications import notification_manager
+from napari.utils.notifications import Notification, notification_manager
 from pytestqt.qtbot import QtBot
 from qtpy.QtWidgets import QMessageBox
 
@@ -58,3 +58,17 @@ def test_another_voxel_size_is_said_and_used_on_demand(
     np.testing.assert_array_equal(fresh.labels, session.labels)
     assert fresh.objects["name"][2] == "Mug"
     assert panel.segment.rescale.isHidden()
+
+
+def test_a_voxel_size_that_is_set_back_is_offered_no_more(
+    panel: Any, image: Any, qtbot: QtBot
+) -> None:
+    before = len(notification_manager.records)
+    for scale, offered in (((4, 1, 1), True), ((2, 1, 1), False), ((4, 1, 1), True)):
+        # The same sentence would not be shown twice at once.
+        notification_manager.records.append(Notification("another"))
+        image.scale = scale
+        rest(panel, qtbot)
+        assert panel.segment.rescale.isHidden() == (not offered)
+    said = [each.message for each in notification_manager.records[before:]]
+    assert sum(words.startswith("The voxels of 'bag'") for words in said) == 2

@@ -259,15 +259,62 @@ def test_a_brush_on_the_users_layer_reaches_the_session(
     assert np.array_equal(session.labels, first)
 
 
-def test_back_in_3d_the_undo_key_takes_a_stroke_out_of_labels_and_objects_alike(
+def test_ids_beyond_the_type_of_the_users_labels_get_a_wider_one(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    volume, labels = bells()
+    layer = viewer.add_labels((85 * labels).astype(np.uint8), name="found", visible=False)
+    viewer.add_image(volume, name="bag")
+    session = controller_with(panel, qtbot, layer)
+    assert session.split(85, (12, 20, 16), (12, 20, 44)) == 256
+    assert np.array_equal(layer.data, session.labels)
+    viewer.dims.ndisplay = 2
+    layer.paint((38, 38, 66), 255)
+    qtbot.waitUntil(lambda: session.labels[38, 38, 66] == 255, timeout=10000)
+    assert session.ids == (85, 170, 255, 256)
+    # With data of another shape it is the session's no more.
+    layer.data = np.ones((5, 6, 7), np.uint8)
+    session.delete(256)
+    session.undo()
+    assert (layer.data == 1).all()
+
+
+def test_strokes_on_objects_outside_are_taken_back_and_all_others_count(
     viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
 ) -> None:
     layer, first = viewer.layers["found"], session.labels.copy()
-    packed = panel.workspace.controller.packed
+    session.take_least_occluded = True
+    panel.commands.unpack([CUBE])
+    panel.workspace.controller.finish()
     viewer.dims.ndisplay = 2
+    layer.paint((8, 20, 64), SLAB)
+    qtbot.waitUntil(lambda: bool(np.array_equal(layer.data, first)), timeout=10000)
+    assert np.array_equal(session.labels, first)
+    said = notification_manager.records[-1].message
+    assert said.startswith("Objects must be in the bag to be painted on: restore them first.")
+    layer.paint((8, 20, 64), SLAB)
+    layer.paint((36, 2, 2), CUBE)
+    layer.paint((38, 36, 60), SLAB)
+    qtbot.waitUntil(lambda: session.labels[38, 36, 60] == SLAB, timeout=10000)
+    first[layer.data != first] = SLAB
+    assert np.array_equal(layer.data, session.labels)
+    assert session.labels[8, 20, 64] == CUBE
+    assert session.labels[36, 2, 2] == 0
+    assert session.states[CUBE].name == "UNPACKED"
+
+
+@pytest.mark.parametrize("chosen_in", [2, 3])
+def test_back_in_3d_the_undo_key_takes_a_stroke_out_of_labels_and_objects_alike(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot, chosen_in: int
+) -> None:
+    layer, first = viewer.layers["found"], session.labels.copy()
+    packed = panel.workspace.controller.packed
+    viewer.dims.ndisplay = chosen_in
     layer.visible = True
-    viewer.dims.set_point(0, 30)
     viewer.layers.selection.active = layer
+    viewer.dims.ndisplay = 2
+    assert layer.visible
+    viewer.dims.set_point(0, 30)
     layer.brush_size, layer.selected_label = 9, 9
     layer.paint((30, 20, 20), 9)
     qtbot.waitUntil(lambda: 9 in session.ids, timeout=10000)

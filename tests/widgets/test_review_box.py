@@ -19,20 +19,26 @@ from opened_panel import controller_with, press
 BAR, CUBE = 1, 2
 
 
-@pytest.fixture
-def session(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> Any:
-    """Two touching blocks that are one object, hardly sure of it, and a cube beside them."""
+def bag(matter: int) -> tuple[np.ndarray, np.ndarray, Any]:
+    """Return volume, labels and evidence, of so much matter (255 is all) in every object."""
     parts = np.zeros((24, 24, 64), np.int32)
     parts[6:18, 6:18, 4:24], parts[6:18, 6:18, 24:44], parts[8:16, 8:16, 48:56] = 1, 2, 3
     labels = np.array([0, BAR, BAR, CUBE], np.int32)[parts]
     volume = np.array([0, 900, 1500, 1200], np.uint16)[parts]
+    level = Level.of(JoinLog([(1, 2, 0.3)]), parts, np.array([[1, 2]]), np.ones(1))
+    seen = Seen(volume, DensityScale(0.0, 250.0), np.full(parts.shape, matter, np.uint8))
+    return volume, labels, gather(labels, Steps([level], seen))
+
+
+@pytest.fixture
+def session(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> Any:
+    """Two touching blocks that are one object, hardly sure of it, and a cube beside them."""
+    volume, labels, evidence = bag(255)
     layer = viewer.add_labels(labels, name="found", visible=False)
     viewer.add_image(volume, name="bag")
     made = controller_with(panel, qtbot, layer)
     panel.workspace.controller.recolor_at_rest = False
-    level = Level.of(JoinLog([(1, 2, 0.3)]), parts, np.array([[1, 2]]), np.ones(1))
-    seen = Seen(volume, DensityScale(0.0, 250.0), np.full(parts.shape, 255, np.uint8))
-    made.review.evidence = gather(labels, Steps([level], seen))
+    made.review.evidence = evidence
     assert panel.workspace.controller.settle(200)
     return made
 
@@ -84,6 +90,24 @@ def test_one_key_answers_is_applied_at_once_and_undone(
         assert found["said"].tolist() == ["same"]
         assert found["rows"].shape == (1, len(found["features"]))
     assert "answers" in state_record(session)
+
+
+def test_a_key_gives_no_answer_that_is_not_offered(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
+) -> None:
+    canvas = compat.native_canvas(viewer).native
+    session.review.evidence = bag(5)[2]
+    panel.objects.review.toggle.setChecked(True)
+    press(qtbot, asked(panel, qtbot, 0).answers["same"])
+    box = asked(panel, qtbot, 1)
+    assert box.doubt.kind == "object"
+    assert box.answers["different"].isHidden()
+    qtbot.keyClick(canvas, Qt.Key.Key_D)
+    qtbot.wait(300)
+    assert len(session.review.answers) == 1
+    qtbot.keyClick(canvas, Qt.Key.Key_S)
+    qtbot.waitUntil(lambda: len(session.review.answers) == 2, timeout=20000)
+    assert [a.said for a in session.review.answers] == ["same", "same"]
 
 
 def test_labels_of_ones_own_have_no_questions_and_keys_then_do_nothing(

@@ -62,12 +62,15 @@ class EditedLabels:
         The result.
     new : tuple of int
         Objects that were not there before.
+    refused : LabelEdit, optional
+        What a brush did to objects outside the bag; the result is without it.
     """
 
     verb: str
     revision: int
     data: LabelData
     new: tuple[int, ...]
+    refused: LabelEdit | None = None
 
 
 class LabelEditor:
@@ -174,7 +177,8 @@ class LabelEditor:
         Parameters
         ----------
         painted : (Z, Y, X) array_like of int
-            Labels with the IDs people know objects by; compared when the task runs.
+            Labels with the IDs people know objects by; compared when the task runs. Strokes on
+            objects that are outside the bag now are `refused`, the others count.
 
         Raises
         ------
@@ -189,7 +193,7 @@ class LabelEditor:
             own, given_ids = _own_ids(given, data.given_ids)
             return difference(data.labels, own), given_ids
 
-        return self._task("paint", change)
+        return self._task("paint", change, self._outside(self._session.label_data.known))
 
     def change_task(
         self, verb: str, ids: list[int], change: Callable[[LabelData, int], LabelEdit | None]
@@ -232,6 +236,9 @@ class LabelEditor:
         # Laid over other labels it would write objects back that are gone.
         if edited is None or edited.revision != now.revision:
             return False
+        if edited.data.revision == now.revision:
+            # All of a stroke was refused.
+            return True
         edit, known = edited.data.edit, edited.data.known
         assert edit is not None, "edited labels have an edit"
         # Again: one may have left while the task ran, and a brush touches anything.
@@ -247,21 +254,25 @@ class LabelEditor:
         self._session.commit(edited.verb, new, data=data)
         return True
 
-    def _task(self, verb: str, change: Change) -> Task[EditedLabels | None]:
+    def _task(
+        self, verb: str, change: Change, outside: Sequence[int] = ()
+    ) -> Task[EditedLabels | None]:
         session, source = self._session, self._session.label_data
         # All it needs is read now: the session goes on while the task runs.
         volume, spacing, confidence = session.volume, session.spacing, self._confidence()
 
         def run(_: object) -> EditedLabels | None:
             made, given_ids = change(source)
-            # A step that changes nothing would be undone without effect.
-            if made is None or not len(made.where):
+            if made is None:
                 return None
+            made, refused = _parted(made, outside)
+            edited = EditedLabels(verb, source.revision, source, (), refused)
+            # A step that changes nothing would be undone without effect.
+            if not len(made.where):
+                return edited if len(refused.where) else None
             given_ids = _extended(given_ids, max(made.touched))
             data = source.edited(made, volume, spacing, confidence, given_ids)
-            return EditedLabels(
-                verb, source.revision, data, tuple(sorted(data.known - source.known))
-            )
+            return replace(edited, data=data, new=tuple(sorted(data.known - source.known)))
 
         return Task(LabelEditKey(verb, source.revision), run)
 
@@ -284,14 +295,27 @@ class LabelEditor:
         return confidence
 
     def _refuse_outside(self, ids: Iterable[int]) -> None:
-        session = self._session
-        # On its way back too: the flight shows the voxels it left with.
-        away = [i for i in ids if i in session.state.placements or i in session.flights]
+        away = self._outside(ids)
         if away:
             raise ValueError(
-                f"{listed_objects(session.names(away))} must be in the bag to be repaired: "
+                f"{listed_objects(self._session.names(away))} must be in the bag to be repaired: "
                 "restore first"
             )
+
+    def _outside(self, ids: Iterable[int]) -> list[int]:
+        session = self._session
+        # On its way back too: the flight shows the voxels it left with.
+        return [i for i in ids if i in session.state.placements or i in session.flights]
+
+
+def _parted(made: LabelEdit, ids: Sequence[int]) -> tuple[LabelEdit, LabelEdit]:
+    """Return the part of an edit that touches none of some objects, and the part that does."""
+    touches = np.isin(made.before, ids) | np.isin(made.after, ids)
+    kept, refused = (
+        LabelEdit(made.box, made.where[each], made.before[each], made.after[each])
+        for each in (~touches, touches)
+    )
+    return kept, refused
 
 
 def _extended(given_ids: GivenIds, largest_id: int) -> GivenIds:
@@ -307,10 +331,11 @@ def _own_ids(
     painted: NDArray[Any], given_ids: GivenIds
 ) -> tuple[NDArray[np.integer[Any]], GivenIds]:
     """Return painted labels with a session's IDs, and the IDs people know them by then."""
+    least, top = int(painted.min(initial=0)), int(painted.max(initial=0))
+    if least < 0 or (given_ids is None and top > MOST_ID):
+        wanted = "0 or more" if given_ids is not None else f"from 0 to {MOST_ID}"
+        raise ValueError(f"painted labels must be {wanted}, got {least if least < 0 else top}")
     if given_ids is None:
-        top = int(painted.max(initial=0))
-        if painted.min(initial=0) < 0 or top > MOST_ID:
-            raise ValueError(f"painted labels must be from 0 to {MOST_ID}, got {top}")
         return painted, None
     order = np.argsort(given_ids[1:]) + 1
     given = given_ids[order]

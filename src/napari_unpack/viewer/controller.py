@@ -256,7 +256,7 @@ class SessionController:
             raise RuntimeError(compat.problem())
         viewer, session = self.viewer, self.session
         compat.finish_in_own_context(compat.native_canvas(viewer))
-        self._saved = SavedViewerState.from_viewer(viewer, self.sources)
+        self._saved = SavedViewerState.from_viewer(viewer, self.sources, self.packed)
         self._before = session.animated, session.backend
         # The session's tasks run in threads, where GL has no context.
         session.animated, session.backend = True, "cpu"

@@ -279,7 +279,9 @@ class Interaction:
     def _click_in_slice(self, event: MouseEvent) -> Generator[None, None, None]:
         start, there, moved = _pixel(event), event.position, False
         modifiers = _modifiers(event)
-        bands = "Control" in modifiers and self._pans_slices()
+        pans = self._pans_slices()
+        # In an opened object slices show the whole bag, of which this session has no labels.
+        bands = "Control" in modifiers and pans and self._target.outer_session is None
         band = SliceBand(self._target, start, there) if bands else None
         with self._camera_held(bands):
             yield
@@ -292,7 +294,8 @@ class Interaction:
         with nullcontext() if steps is None else steps.held():
             if moved and band is not None:
                 band.release()
-            elif not moved and self.tool is None:
+            elif not moved and self.tool is None and pans:
+                # Selecting sets the brush's label, which a dab must not.
                 self.select(self.in_slice(there), modifiers)
         if not moved and self.tool is not None:
             voxel = self._voxel_in_slice(there)
@@ -302,9 +305,7 @@ class Interaction:
     def _pans_slices(self) -> bool:
         """Tell whether a drag over our slices would pan, and not paint or draw."""
         active = self._target.viewer.layers.selection.active
-        pans = active is None or str(getattr(active, "mode", "pan_zoom")) == "pan_zoom"
-        # In an opened object slices show the whole bag, of which this session has no labels.
-        return pans and self._target.outer_session is None
+        return active is None or str(getattr(active, "mode", "pan_zoom")) == "pan_zoom"
 
     @contextmanager
     def _camera_held(self, held: bool) -> Generator[None, None, None]:

@@ -16,6 +16,7 @@ from napari_unpack.viewer.slice_sync import shows_labels
 
 if TYPE_CHECKING:
     from napari_unpack.session import Session
+    from napari_unpack.session.label_edits import EditedLabels
     from napari_unpack.tasks import Task
 
 # After the last stroke of a brush: a hand draws the next one within it.
@@ -32,8 +33,8 @@ class LabelSync:
     sources : sequence of napari layers
         The user's own.
     run : callable
-        Given a task of `LabelEditor`, has it run on another thread and applied; returns False
-        where that must wait.
+        Given a task of `LabelEditor` and what applies its result, has it run on another thread
+        and applied; returns False where that must wait.
     message : callable
         Given a sentence for the user.
 
@@ -51,7 +52,7 @@ class LabelSync:
         session: Session,
         scheduler: Scheduler,
         sources: Sequence[Layer],
-        run: Callable[[Task[Any]], bool],
+        run: Callable[[Task[Any], Callable[[EditedLabels | None], bool]], bool],
         message: Callable[[str], None],
     ) -> None:
         self._session, self._scheduler = session, scheduler
@@ -108,32 +109,52 @@ class LabelSync:
 
     def _compare(self) -> None:
         layer = self._painted
-        if layer is None or layer not in self._layers:
+        if layer is None or layer not in self._layers or not self._fits(layer):
             return
-        # Another array was put into the layer: no stroke of a brush.
-        if np.shape(layer.data) != self._session.labels.shape:
-            return
-        if not self._run(self._session.label_editor.paint_task(np.asarray(layer.data))):
+        task = self._session.label_editor.paint_task(np.asarray(layer.data))
+        if not self._run(task, self._take):
             self._scheduler.debounce(self._compare, QUIET_MS, self._compare)
+
+    def _fits(self, layer: Labels) -> bool:
+        # Another array may have been put into the layer: no stroke of a brush.
+        return _is_array(layer) and layer.data.shape == self._session.labels.shape
+
+    def _take(self, edited: EditedLabels | None) -> bool:
+        """Apply what a brush has changed, and take out of the layers what is refused."""
+        done = edited is None or self._session.label_editor.apply(edited)
+        refused = None if edited is None else edited.refused
+        if done and refused is not None and len(refused.where):
+            shape = self._session.labels[refused.box].shape
+            self._write(refused.box, np.unravel_index(refused.where, shape))
+            self._message(
+                "Objects must be in the bag to be painted on: restore them first. The strokes on "
+                "those outside are taken back, all others count."
+            )
+        return done
 
     def _show(self, ids: Iterable[int]) -> None:
         """Write what the session has changed of some objects into the layers."""
         before, labels = self._seen, self._session.labels
         box = _around(ids, self._boxes, self._session.boxes)
         self._seen, self._boxes = labels, self._session.boxes
-        if box is None:
-            return
-        # Elsewhere in the box a stroke may wait to be compared.
-        away = before[box] != labels[box]
-        wanted = self._given()[labels[box][away]]
+        if box is not None:
+            # Elsewhere in the box a stroke may wait to be compared.
+            self._write(box, before[box] != labels[box])
+
+    def _write(self, box: tuple[slice, ...], where: Any) -> None:
+        wanted = self._given()[self._session.labels[box][where]]
         self._writing = True
         try:
             for layer in self._layers:
-                if np.array_equal(layer.data[box][away], wanted):
+                if not self._fits(layer) or np.array_equal(layer.data[box][where], wanted):
                     continue
-                if not layer.data.flags.writeable:
-                    layer.data = layer.data.copy()
-                layer.data[box][away] = wanted.astype(layer.data.dtype)
+                dtype, top = layer.data.dtype, wanted.max()
+                # A new object's ID may be larger than all that were given.
+                if top > np.iinfo(dtype).max:
+                    dtype = np.promote_types(dtype, np.min_scalar_type(top))
+                if dtype != layer.data.dtype or not layer.data.flags.writeable:
+                    layer.data = layer.data.astype(dtype)
+                layer.data[box][where] = wanted
                 layer.refresh()
         finally:
             self._writing = False

@@ -67,6 +67,7 @@ class PlacementSync:
                 self._told = spacing
                 self._rescaled(_words(self._source.name, spacing, self._session))
             return
+        self._told = tuple(self._session.spacing)
         for name, value in place_of(self._source).items():
             for layer in self._layers:
                 setattr(layer, name, value)

@@ -23,17 +23,19 @@ class HiddenVolumes:
     sources : sequence of napari layers
         What the controller was opened from, of whatever kind; slices show them where none was
         shown.
+    packed : napari layer
+        Of the controller: made active in 3D in place of a hidden one.
     """
 
-    def __init__(self, viewer: napari.Viewer, sources: Sequence[Layer]) -> None:
-        self._viewer = viewer
+    def __init__(self, viewer: napari.Viewer, sources: Sequence[Layer], packed: Layer) -> None:
+        self._viewer, self._packed = viewer, packed
         layers = dict.fromkeys((*sources, *filter(_is_volume, viewer.layers)))
         self._before = {layer: bool(layer.visible) for layer in layers}
         self._in_slices = dict(self._before)
         # Empty slices would look like a fault.
         if not any(self._before[layer] for layer in sources):
             self._in_slices |= dict.fromkeys(sources, True)
-        self._sliced, self._active = False, viewer.layers.selection.active
+        self._sliced, self._active = False, packed
         self._show(dict.fromkeys(layers, False))
         viewer.dims.events.ndisplay.connect(self._follow)
 
@@ -53,15 +55,19 @@ class HiddenVolumes:
         self._sliced = sliced
         selection = self._viewer.layers.selection
         if sliced:
-            self._active = selection.active
+            active = selection.active
+            self._active = self._packed if active in {*self._in_slices, None} else active
+            # An eye that was opened in 3D stays open.
+            self._in_slices = {x: old or bool(x.visible) for x, old in self._in_slices.items()}
             self._show(self._in_slices)
         else:
             # What the user switched on and off in slices holds when they come back.
             self._in_slices = {layer: bool(layer.visible) for layer in self._in_slices}
             self._show(dict.fromkeys(self._in_slices, False))
             # The active layer gets the keys: Ctrl+Z would take a stroke out of labels unseen.
-            if selection.active in self._in_slices and self._active in self._viewer.layers:
-                selection.active = self._active
+            if selection.active in self._in_slices:
+                there = self._active in self._viewer.layers
+                selection.active = self._active if there else self._packed
 
     def _show(self, shown: Mapping[Layer, bool]) -> None:
         for layer, visible in shown.items():
@@ -138,19 +144,19 @@ class SavedViewerState:
     scale_bar: dict[str, Any]
 
     @classmethod
-    def from_viewer(cls, viewer: napari.Viewer, sources: Sequence[Layer]) -> SavedViewerState:
+    def from_viewer(
+        cls, viewer: napari.Viewer, sources: Sequence[Layer], packed: Layer
+    ) -> SavedViewerState:
         """Write down how a viewer is, and hide its volumes.
 
         Parameters
         ----------
-        viewer : napari.Viewer
-        sources : sequence of napari layers
-            What the session is of.
+        viewer, sources, packed : see `HiddenVolumes`
         """
         selection, camera = viewer.layers.selection, viewer.scene.camera
         bar = viewer.canvas.overlays.scale_bar
         return cls(
-            volumes=HiddenVolumes(viewer, sources),
+            volumes=HiddenVolumes(viewer, sources, packed),
             selection=tuple(selection),
             active=selection.active,
             ndisplay=int(viewer.dims.ndisplay),

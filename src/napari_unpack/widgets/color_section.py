@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 from qtpy.QtCore import QSignalBlocker
 
+from napari_unpack.tasks import Task
+from napari_unpack.viewer.scheduler import Worker
 from napari_unpack.widgets.background_options import BackgroundOptions
 from napari_unpack.widgets.color_ramp_editor import ColorRampEditor, Stop
 from napari_unpack.widgets.commands import Commands
@@ -101,6 +104,8 @@ class ColorSection(Section):
         self._points: list[Point] | None = None
         self._stops: list[Stop] | None = None
         self._domain: tuple[float, float] | None = None
+        # Those of the session that have a name.
+        self._named: dict[TransferFunction, str] = {}
         self.recolor = button(
             "Recolour",
             "Give objects that meet in this view colours that are far apart (C).",
@@ -154,7 +159,7 @@ class ColorSection(Section):
 
     def _reload(self) -> None:
         controller = self._workspace.controller
-        self._domain = None
+        self._domain, self._named = None, {}
         self.lock("Available after step 1." if controller is None else None)
         if controller is None:
             return
@@ -169,10 +174,28 @@ class ColorSection(Section):
         self._settings.set_tint_mode(MODES[self.mode.currentText()])
         self._settings.set_show_unlabelled(self.unlabelled.isChecked())
         # Named for what CT shows; of other volumes nobody knows which values are water.
-        known = ct_offset(controller.session.volume) is not None
+        volume = controller.session.volume
+        names = [AUTOMATIC, *(PRESETS if ct_offset(volume) is not None else ())]
         self.preset.clear()
-        self.preset.addItems([AUTOMATIC, *(PRESETS if known else ()), CUSTOM])
+        self.preset.addItems([*names, CUSTOM])
+        # The automatic one of a large volume takes a tenth of a second.
+        # Of two that are alike the first stands.
+        task = Task(object(), lambda _: {transfer_function(n, volume): n for n in names[::-1]})
+        take = partial(self._take_named, controller.session)
+        self._workspace.scheduler.submit(task, Worker.LONG, take, slot="named curves")
         self._show_curve()
+
+    def _take_named(self, session: Session, named: dict[TransferFunction, str]) -> None:
+        if session is self._workspace.session:
+            self._named = named
+            self._show_name()
+
+    def _show_name(self) -> None:
+        session = self._workspace.session
+        # Of a curve under the hand the session does not know yet.
+        held = self._workspace.scheduler.pending(self._apply_curve)
+        if session is not None and self._named and not held:
+            self.preset.setCurrentText(self._named.get(session.transfer_function, CUSTOM))
 
     def _set_mode(self, name: str) -> None:
         remembered().setValue(HUES, name)
@@ -180,6 +203,7 @@ class ColorSection(Section):
 
     def _refresh(self, change: Change) -> None:
         if Change.TRANSFER_FUNCTION in change:
+            self._show_name()
             self._show_curve()
 
     def _show_curve(self) -> None:

@@ -148,11 +148,11 @@ class RepairTools(QObject):
             self._asked = task_of(session.label_editor)
             self._start(session, self._asked, apply)
 
-    def _ask(self, task: Task[Any]) -> bool:
+    def _ask(self, task: Task[Any], apply: Apply) -> bool:
         # The stroke is compared again a moment later.
         if self._workspace.scheduler.has(SLOT) or self._workspace.session is None:
             return False
-        self._start(self._workspace.session, task)
+        self._start(self._workspace.session, task, apply)
         return True
 
     def _start(self, session: Session, task: Task[Any], apply: Apply | None = None) -> None:

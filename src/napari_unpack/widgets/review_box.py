@@ -167,8 +167,10 @@ class ReviewBox(Collapsible):
         session, doubt = self._workspace.session, self.doubt
         idle = doubt is not None and not self._repair.running
         for said, pressed in self.answers.items():
-            pressed.setEnabled(idle)
-            pressed.setVisible(doubt is None or doubt.kind != "object" or said != "different")
+            offered = doubt is None or doubt.kind != "object" or said != "different"
+            # A hidden button alone would still answer by its key.
+            pressed.setEnabled(idle and offered)
+            pressed.setVisible(offered)
         self.answers["same"].setText(
             "An object" if doubt is not None and doubt.kind == "object" else "Same"
         )

@@ -126,6 +126,7 @@ class SegmentSection(Section):
         self.progress.ended.connect(self._finish)
         self.volume_input.chosen.connect(self._choose_volume)
         self.volume_input.listed.connect(self._show_voxels)
+        self.volume_input.listed.connect(self._refresh)
         self.voxels.chosen.connect(self._measure_in)
         self.voxels.shown.connect(self.options.show_unit)
         self.labels_input.chosen.connect(self._refresh)
