@@ -356,3 +356,19 @@ def test_a_label_that_is_used_anew_has_nothing_of_the_deleted_object() -> None:
     assert 2 not in made.state.styles
     made.undo()
     assert 2 in made.state.styles
+
+
+def test_points_go_along_with_the_part_that_they_are_on() -> None:
+    made = session()
+    # On the outer face of either cube, and in the middle of the right one.
+    left, right, inner = (8, 8, 2.5 * 2), (8, 8, 28.5 * 2), (8, 8, 24 * 2)
+    made.measurements.add([SurfacePoint(1, left), SurfacePoint(1, right)])
+    made.measurements.add([SurfacePoint(1, inner), SurfacePoint(2, (7, 18, 12))])
+    new = made.split(1, LEFT, RIGHT)
+    assert new == 4
+    part = {place: int(made.labels[place]) for place in (LEFT, RIGHT)}
+    across, within = made.state.measurements
+    assert [p.object_id for p in across.points] == [part[LEFT], part[RIGHT]]
+    assert [p.object_id for p in within.points] == [part[RIGHT], 2]
+    made.undo()
+    assert [p.object_id for m in made.state.measurements for p in m.points] == [1, 1, 1, 2]

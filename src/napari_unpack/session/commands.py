@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.rendering.object_style import ObjectStyle
+from napari_unpack.segmentation.repair import LabelEdit
 from napari_unpack.session.labels import Edit, origin_of
 from napari_unpack.session.measurements import Measurement, SurfacePoint
 from napari_unpack.session.occlusion import NextUnpackable, OcclusionResult
@@ -329,7 +331,11 @@ def set_style(state: SessionState, object_id: int, style: ObjectStyle | None) ->
 
 
 def edit_labels(
-    state: SessionState, edit: Edit, known: frozenset[int], new_hues: Mapping[int, float]
+    state: SessionState,
+    edit: Edit,
+    known: frozenset[int],
+    new_hues: Mapping[int, float],
+    spacing: NDArray[np.float64],
 ) -> SessionState:
     """Follow an edit of the labels.
 
@@ -342,6 +348,8 @@ def edit_labels(
         The objects there are then.
     new_hues : mapping of int to float
         Of those that were not there before.
+    spacing : (3,) ndarray of float64
+        mm z y x.
     """
     origins = {i: origin_of(edit.change, i) for i in new_hues}
     parts = {i: f"{state.names[o]}, part" for i, o in origins.items() if o in state.names}
@@ -349,7 +357,7 @@ def edit_labels(
         _left(state, edit.change.touched),
         hues=_of_known(state.hues, known) | dict(new_hues),
         names=_of_known(state.names, known) | parts,
-        measurements=_followed(state.measurements, edit, known),
+        measurements=_followed(state.measurements, edit.change, known, spacing),
         colors=_of_known(state.colors, known),
         notes=_of_known(state.notes, known),
         flags=_of_known(state.flags, known),
@@ -364,14 +372,26 @@ def edit_labels(
 
 
 def _followed(
-    measurements: tuple[Measurement, ...], edit: Edit, known: frozenset[int]
+    measurements: tuple[Measurement, ...],
+    change: LabelEdit,
+    known: frozenset[int],
+    spacing: NDArray[np.float64],
 ) -> tuple[Measurement, ...]:
-    """Have points of an object that was merged into another go along with that."""
-    back = edit.change.reverse()
+    """Have points of objects go along with the voxels that they are on."""
+    back, first = change.reverse(), [side.start for side in change.box]
+    places = np.unravel_index(change.where, [side.stop - side.start for side in change.box])
+    voxels = np.stack(places, axis=1) + first
 
     def owner(point: SurfacePoint) -> int:
-        gone = point.object_id and point.object_id not in known
-        return (gone and origin_of(back, point.object_id)) or point.object_id
+        if point.object_id and point.object_id not in known:
+            return origin_of(back, point.object_id) or point.object_id
+        taken = change.before == point.object_id
+        if not point.object_id or not taken.any():
+            return point.object_id
+        apart = np.linalg.norm(voxels[taken] - np.array(point.at) / spacing, axis=1)
+        # A point of a surface lies beside its voxel.
+        near = int(change.after[taken][apart.argmin()]) if apart.min() <= 1 else 0
+        return near or point.object_id
 
     followed = tuple(
         replace(one, points=tuple(replace(p, object_id=owner(p)) for p in one.points))

@@ -249,7 +249,7 @@ class LabelEditor:
         fresh = {i: golden_hue(i) for i in known - state.hues.keys()}
         # Another oracle may have scored the objects while the task ran.
         data = replace(edited.data, facts=now.facts_after(edit))
-        new = commands.edit_labels(state, edit, known, fresh)
+        new = commands.edit_labels(state, edit, known, fresh, self._session.spacing)
         new = new if answers is None else replace(new, answers=answers)
         self._session.commit(edited.verb, new, data=data)
         return True
