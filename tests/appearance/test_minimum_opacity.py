@@ -86,6 +86,18 @@ def test_an_object_of_nan_alone_leaves_with_a_minimum_opacity() -> None:
     assert seen(unknown, SOLID) > 0.2
 
 
+def test_air_is_what_lies_around_an_object_also_where_a_scan_is_padded() -> None:
+    session = bag()
+    volume = session.volume.astype(np.int16) - 1000
+    volume[0] = -3024
+    padded = Session(volume, session.labels)
+    for first in (-3024, 0):
+        padded.transfer_function = TransferFunction([(first, 0.0), (100, 0.0), (1000, 0.5)])
+        raised = padded.transfer_function_of(FAINT_SHEET)
+        assert raised.opacity_at(-890) > 0.1
+        assert raised.opacity_at(-1000) == 0
+
+
 def test_a_minimum_opacity_leaves_the_air_around_an_object_clear() -> None:
     session = bag()
     raised = session.transfer_function_of(FAINT_SHEET)

@@ -295,6 +295,16 @@ def test_tables_and_open_know_what_a_file_holds_and_is_called_now(
     file.rename(scans / "new-name.npz")
     nu.batch(scans, output, client, **QUICK)
     assert session_in(output, "new-name").parent == output / first.folder
+    # Another file has the name now, and that one has the other's.
+    for here, there in (("new-name", "t"), ("b", "new-name"), ("t", "b")):
+        (scans / f"{here}.npz").rename(scans / f"{there}.npz")
+    nu.batch(scans, output, client, **QUICK)
+    folders = pd.read_parquet(output / "scans.parquet").set_index("scan")["folder"]
+    for name in ("b", "new-name"):
+        assert session_in(output, name).parent == output / folders[name]
+    for here, there in (("new-name", "t"), ("b", "new-name"), ("t", "b")):
+        (scans / f"{here}.npz").rename(scans / f"{there}.npz")
+    nu.batch(scans, output, client, **QUICK)
     # A result without its table is none.
     (output / first.folder / "objects.parquet").unlink()
     report = nu.batch(scans, output, client, **QUICK)

@@ -68,6 +68,12 @@ def test_the_results_of_a_run_are_no_scans_of_the_next(folder: Path) -> None:
     (folder / "scans" / "y").mkdir(parents=True)
     (folder / "scans" / "y" / "labels.npz").write_bytes(b"-")
     assert sorted(one.name for one in find_inputs([folder])) == sorted([*names, "new"])
+    (folder / "run" / "elsewhere.npz").write_bytes(b"-")
+    assert [one.name for one in find_inputs([folder / "run"])] == ["elsewhere"]
+    # What is named beside it is taken, whatever lies above, and its results are not.
+    named = find_inputs([folder / "new.npz", folder / "series", folder / "run" / "elsewhere.npz"])
+    assert [one.name for one in named] == ["new", "series", "elsewhere"]
+    assert "labels" not in {one.name for one in find_inputs([f"{folder}/*", f"{folder}/*/*/*"])}
 
 
 def test_a_file_is_one_scan_however_its_path_is_spelled(tmp_path: Path) -> None:

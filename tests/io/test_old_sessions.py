@@ -193,7 +193,7 @@ def test_an_old_session_goes_on_as_it_would_have_then(name):
 @pytest.mark.parametrize("name", SESSIONS)
 def test_an_old_session_saved_again_says_and_shows_the_same(name, tmp_path, monkeypatch):
     # The air around an object that is hardly seen was raised with it then.
-    monkeypatch.setattr(minimum_opacity, "lowest_of", lambda *_: None)
+    monkeypatch.setattr(minimum_opacity, "own_range", lambda *_: None)
     session = nu.open_session(FIXTURES / name)
     before = members(FIXTURES / name)
     after = members(nu.save_session(session, tmp_path / "again.unpack"))

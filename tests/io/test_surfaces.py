@@ -14,7 +14,9 @@ from skimage.measure import marching_cubes
 import napari_unpack as nu
 from napari_unpack.geometry.length_unit import MICRO, LengthUnit
 from napari_unpack.io import surfaces
+from napari_unpack.io.headless import copy_session
 from napari_unpack.io.surfaces import level_surface, object_surface, save_surfaces
+from napari_unpack.session.containers import open_container
 from napari_unpack.tasks import Cancelled, Share
 
 trimesh = pytest.importorskip("trimesh")
@@ -259,9 +261,26 @@ def test_surfaces_of_what_is_in_an_opened_container_lie_beside_those_of_the_bag(
     again = saved.opened_bags.open(saved, 1)
     assert again.objects["name"][3] == "lamp"
     bounds = []
-    for session in (outer, inner, again):
+    for session in (outer, inner, again, copy_session(inner)):
         save_surfaces(session, tmp_path / "3.stl", [3])
         bounds.append(trimesh.load(tmp_path / "3.stl").bounds)
     # The middle of the object, x to the left and y to the back as in the scan, z upside down.
     np.testing.assert_allclose(bounds[0].mean(axis=0), (34.5 * 0.5, 24.5 * 2, -24.5), atol=1e-4)
-    np.testing.assert_allclose(bounds[1:], [bounds[0]] * 2, atol=1e-4)
+    np.testing.assert_allclose(bounds[1:], [bounds[0]] * 3, atol=1e-4)
+    # A scan that lies askew in the scanner, whose layer is turned as well.
+    askew = np.array([[0, 0, 1.0, 7], [0, -1, 0, 8], [1, 0, 0, 9], [0, 0, 0, 1]])
+    turned = np.array([[0, 1.0, 0, 1], [-1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]])
+    outer.scanner_from_scan = askew
+    bounds = []
+    for session in (outer, open_container(outer, 1)):
+        save_surfaces(session, tmp_path / "3.stl", [3], turned)
+        bounds.append(trimesh.load(tmp_path / "3.stl").bounds)
+    np.testing.assert_allclose(bounds[1], bounds[0], atol=1e-4)
+
+
+def test_a_surface_of_an_oblique_sheet_encloses_what_its_voxels_do() -> None:
+    z, y, x = np.indices((90, 90, 90))
+    mask = z + y - x == 40
+    points, triangles = object_surface(mask)
+    mesh = trimesh.Trimesh(points, triangles, process=False)
+    assert abs(mesh.volume) == pytest.approx(mask.sum(), rel=0.01)

@@ -89,6 +89,7 @@ def test_labels_do_not_go_into_the_file_that_the_volume_is_read_from(tmp_path: P
     mapped = np.load(tmp_path / "scan.npy", mmap_mode="r")[:]
     written = np.asarray(np.load(tmp_path / "scan.npy", mmap_mode="r+"))
     pairs = [(stored, stored), (stored, again), (dask.from_array(stored) + 1, stored)]
+    pairs.append((dask.from_zarr(str(tmp_path / "scan.zarr"), component="0"), stored))
     for scan, out in [*pairs, (memory, memory), (mapped, written)]:
         with pytest.raises(ValueError, match="another array than the volume"):
             nu.segment(scan, out=out)

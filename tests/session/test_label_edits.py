@@ -12,7 +12,7 @@ from napari_unpack.geometry.grow_labels import grow_labels
 from napari_unpack.geometry.view import View
 from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session import ObjectState, Session
-from napari_unpack.session.measurements import SurfacePoint
+from napari_unpack.session.measurements import SurfacePoint, owner_after
 from napari_unpack.tasks import no_progress
 
 
@@ -356,6 +356,16 @@ def test_a_label_that_is_used_anew_has_nothing_of_the_deleted_object() -> None:
     assert 2 not in made.state.styles
     made.undo()
     assert 2 in made.state.styles
+
+
+def test_a_point_beside_a_border_stays_with_the_voxel_that_it_is_on() -> None:
+    before, spacing = np.ones((5, 5, 20), int), np.array([1.0, 1.0, 2.0])
+    after = np.where(np.arange(20) < 12, before, 3)
+    for x, owner in ((11.4, 1), (11.6, 3), (11, 1), (12, 3), (19.5, 3)):
+        assert owner_after(SurfacePoint(1, (2, 2, 2 * x)), before, after, spacing) == owner
+    # Above its face, over a voxel that is none of its own; and far from it.
+    assert owner_after(SurfacePoint(1, (4.5, 2, 24)), before, after, spacing) == 3
+    assert owner_after(SurfacePoint(2, (2, 2, 24)), before, after, spacing) == 2
 
 
 def test_points_go_along_with_the_part_that_they_are_on() -> None:

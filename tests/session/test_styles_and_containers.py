@@ -247,7 +247,7 @@ def test_parents_are_told_by_the_ids_that_were_given() -> None:
         open_container(session, other)
 
 
-def opened_case(case_id: int, air: float = 0.0) -> Session:
+def opened_case(case_id: int, air: float = 0.0, padding: float = 0.0) -> Session:
     """Open a hollow case among others; three balls of other densities are one label with it."""
     z, y, x = np.indices((56, 56, 56))
     volume, labels = np.full((56, 56, 56), air, np.float32), np.zeros((56, 56, 56), np.uint16)
@@ -260,6 +260,8 @@ def opened_case(case_id: int, air: float = 0.0) -> Session:
         labels[2:5, 50:53, 4 + 8 * k : 8 + 8 * k] = other
     labels[case] = case_id
     volume[(labels > 0) & ~case] = air + 1200
+    # Padding is no air.
+    volume[0, 0, 0] = air + padding
     session = Session(volume, labels)
     session.backend = "cpu"
     return open_container(session, case_id)
@@ -282,6 +284,7 @@ def test_what_is_inside_looks_the_same_wherever_the_scan_has_its_zero() -> None:
         pictures.append(packed_image(inner.scene(), inner.camera, (60, 60)).rgba)
     assert (pictures[0][..., 3] > 0.5).sum() > 100
     np.testing.assert_allclose(pictures[1], pictures[0], atol=0.02)
+    assert opened_case(1, 0.0, -2000.0).volume.min() == 0
 
 
 def test_what_was_opened_knows_what_is_inside_its_own_contents() -> None:

@@ -390,13 +390,14 @@ def test_the_least_occluded_stays_once_another_has_become_free(way):
     assert session.log[-1].ratio == 0
 
 
-def test_what_can_leave_does_not_depend_on_what_was_asked_before():
+@pytest.mark.parametrize("window", [False, True])
+def test_what_can_leave_does_not_depend_on_what_was_asked_before(window):
     labels = np.zeros((8, 8, 8), np.uint16)
     labels[3, 4:7, 2], labels[1:4, 5:8, 3], labels[5:7, 5:7, 2:4] = 1, 2, 3
 
     def bag(*hidden: int) -> Session:
         session = real_session(labels)
-        session.direction = (1, 1, 1)
+        session.direction, session.queries.asks_at_rest = (1, 1, 1), window
         session.hide(hidden)
         return session
 
@@ -408,15 +409,19 @@ def test_what_can_leave_does_not_depend_on_what_was_asked_before():
         assert verb(session) == (1,)
 
 
-def test_chosen_blockers_leave_before_what_they_block_by_every_rule():
+@pytest.mark.parametrize("window", [False, True])
+def test_chosen_blockers_leave_before_what_they_block_by_every_rule(window):
     labels = np.zeros((10, 10, 10), np.uint16)
     labels[2, 3:6, 3:6], labels[5, 3:6, 3:6], labels[7, 3:6, 3:6] = 1, 2, 3
     for rule in ("exact", "first_hit"):
         session = real_session(labels)
         session.direction, session.rule = "+z", rule
+        session.queries.asks_at_rest = window
         with pytest.raises(BlockedError, match="cannot leave"):
             session.unpack([1, 3])
         assert session.unpack([2, 3]) == (3, 2)
+        session.undo()
+        assert [session.unpack([i]) for i in (3, 2)] == [(3,), (2,)]
     hooks = real_session(two_hooked_pairs()[:, :6])
     hooks.direction, hooks.rule, hooks.max_group_size = "+z", "first_hit", 1
     # What the queue proposes for want of anything free can be chosen as well.

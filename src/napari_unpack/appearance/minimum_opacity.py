@@ -12,6 +12,8 @@ from napari_unpack.geometry.boxes import LabelBoxes
 HARDLY_SEEN = 0.2
 # The opacity through its middle that such an object is given.
 GIVEN_OPACITY = 0.35
+# Voxels around an object, among which is air.
+AROUND = 2
 
 
 def visible_alone(
@@ -55,7 +57,13 @@ def visible_alone(
     part = boxes.slices(object_id)
     mask, density = labels[part] == object_id, volume[part]
     least = minimum_opacity(mask, density, shown)
-    return at_least(shown, least, lowest_of(density[mask], shown)) if least else shown
+    if not least:
+        return shown
+    around = boxes.slices(object_id, AROUND)
+    beside = volume[around][(labels[around] == 0) & np.isfinite(volume[around])]
+    # The first point may be of padding, or a person's.
+    air = float(np.median(beside)) if beside.size else shown.points[0][0]
+    return at_least(shown, least, own_range(density[mask], air))
 
 
 def minimum_opacity(
@@ -87,25 +95,28 @@ def minimum_opacity(
     return float(1.0 - (1.0 - GIVEN_OPACITY) ** (1.0 / thickness))
 
 
-def lowest_of(values: NDArray[np.generic], shown: TransferFunction) -> float | None:
-    """Return a density above air from which on an object's own begin; None where none is above.
+def own_range(values: NDArray[np.generic], air: float) -> tuple[float, float] | None:
+    """Return up to where air goes, and from where on an object's own densities; None: no telling.
 
     Parameters
     ----------
     values : (N,) ndarray
         Densities of its voxels.
-    shown : TransferFunction
-        Whose first point stands for air.
+    air : float
+        Density of what is around it.
     """
-    measured, air = values[np.isfinite(values)], shown.points[0][0]
+    measured = values[np.isfinite(values)]
     if not len(measured):
         return None
     faintest, typical = np.quantile(measured, [0.05, 0.5])
     lowest = float(min(faintest, (air + typical) / 2))
-    return lowest if lowest > air else None
+    middle = (air + lowest) / 2
+    return (middle, lowest) if air < middle < lowest else None
 
 
-def at_least(shown: TransferFunction, least: float, lowest: float | None) -> TransferFunction:
+def at_least(
+    shown: TransferFunction, least: float, between: tuple[float, float] | None
+) -> TransferFunction:
     """Return a transfer function that is nowhere more transparent than so, but in air.
 
     Parameters
@@ -114,17 +125,15 @@ def at_least(shown: TransferFunction, least: float, lowest: float | None) -> Tra
         What is raised.
     least : float
         Opacity per voxel.
-    lowest : float, optional
-        Density from which on; None raises air too.
+    between : (float, float), optional
+        See `own_range`: it rises between them; None raises air too.
     """
     rest = shown.points
     kept: list[tuple[float, float]] = []
-    if lowest is not None:
+    if between is not None:
         # An object is drawn with two voxels of what is around it, which would be a shell.
-        ramp = (shown.points[0][0] + lowest) / 2
-        kept = [point for point in rest if point[0] < ramp] + [
-            (ramp, shown.opacity_at(ramp).item())
-        ]
+        air, lowest = between
+        kept = [*(p for p in rest if p[0] < air), (air, shown.opacity_at(air).item())]
         rest = ((lowest, shown.opacity_at(lowest).item()), *(p for p in rest if p[0] > lowest))
     raised = [(density, max(opacity, least)) for density, opacity in rest]
     return TransferFunction(kept + raised, shown.colors)

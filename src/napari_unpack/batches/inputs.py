@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from napari_unpack.batches.run_settings import SCANS, is_run
+from napari_unpack.batches.run_settings import OWN_FILES, SCANS, is_run
 from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import Spacing, checked_spacing
 from napari_unpack.io.volumes import DICOM_SUFFIXES, READABLE, stem_of, suffix_of
@@ -88,12 +88,16 @@ def _paths(asked: str) -> list[Path]:
 
 
 def _without_results(paths: list[Path]) -> list[Path]:
-    """Return paths without what is a run's folder or lies in one, as patterns find that too."""
-    above = {path: {path, *path.parents} for path in paths}
-    # Who names nothing else means what lies there.
-    every = set[Path]().union(*above.values())
-    runs = set(filter(is_run, every - every.intersection(*above.values())))
-    return [path for path in paths if runs.isdisjoint(above[path])]
+    """Return paths without the results of runs, as patterns find those too."""
+    # Who names nothing else means them.
+    return [path for path in paths if not _is_result(path)] or paths
+
+
+def _is_result(path: Path) -> bool:
+    # Scans may lie beside a run, or in a folder below one.
+    if path.name in OWN_FILES and is_run(path.parent):
+        return True
+    return any(one.name == SCANS and is_run(one.parent) for one in (path, *path.parents))
 
 
 def _plain(path: Path) -> Path:

@@ -107,6 +107,8 @@ def note_names(output: Path, results: Iterable[ScanResult]) -> None:
         The run's folder.
     results : iterable of ScanResult
     """
+    results = tuple(results)
+    holds = {one.source: one.folder for one in results}
     found: dict[tuple[str, str], list[ScanResult]] = {}
     for one in results_in(output):
         found.setdefault((one.source, one.scan), []).append(one)
@@ -115,8 +117,11 @@ def note_names(output: Path, results: Iterable[ScanResult]) -> None:
         if one.status != "kept" or (key in found and found[key][-1].folder == one.folder):
             continue
         before = read_result(output / one.folder)
-        # Where the file of the record is there as well, one is a copy of the other.
-        if before and (before.source == one.source or not Path(before.source).exists()):
+        if before is None:
+            continue
+        # Where the file of the record is there as well, and is it, one is a copy of the other.
+        is_it = holds.get(before.source, before.folder) == before.folder
+        if before.source == one.source or not (is_it and Path(before.source).exists()):
             # What the file held earlier stays what it held earlier.
             for told in (*found.get((before.source, before.scan), ()), one):
                 told = replace(told, scan=one.scan, source=one.source, status="done")

@@ -17,6 +17,7 @@ from napari_unpack.unpacking.direction import checked_direction
 
 FORMAT, VERSION = "napari-unpack batch", 1
 RUN, SCANS = "run.json", "scans"
+OWN_FILES = (RUN, "index.html", "objects.parquet", "scans.parquet")
 LABEL_FORMATS = ("npz", "zarr")
 
 

@@ -154,7 +154,7 @@ def copy_session(session: Session, packed: bool = True) -> Session:
     )
     other.seconds = other.seconds if packed else session.seconds
     other.backend, other.scanner_from_scan = session.backend, session.scanner_from_scan
-    other.assumed = session.assumed
+    other.assumed, other.first_voxel_mm = session.assumed, session.first_voxel_mm
     for object_id, bag in {} if packed else session.opened_bags.worked_in(session).items():
         other.opened_bags.restore(other, object_id, copy_session(bag, packed=False))
     return other

@@ -42,7 +42,7 @@ FINER = ((3_000, 3), (100_000, 2))
 # How near the enclosed volume comes to the voxels', as a share, and how many levels are tried:
 # on a shell of a large bag each takes seconds.
 CLOSE = 0.005
-STEPS = 6
+STEPS = 8
 
 # Marching cubes keep all of Python waiting, for 20 to 130 ns a voxel: a slab takes a tenth of a
 # second.
@@ -260,10 +260,10 @@ def _meshes(
     names, labels, boxes = session.objects["name"], session.labels, session.boxes
     moved = np.eye(4) if standing is None else np.asarray(standing, dtype=np.float64)
     told = session.scanner_from_scan
-    place = (SCANNER_FROM_SCAN if told is None else told) @ moved
-    if told is None:
-        # Beside the surfaces of the bag it was cut out of.
-        place[:3, 3] += place[:3, :3] @ session.first_voxel_mm
+    # Beside the surfaces of the bag it was cut out of; where it is told it says so already.
+    cut = np.eye(4)
+    cut[:3, 3] = session.first_voxel_mm
+    place = (SCANNER_FROM_SCAN if told is None else told @ np.linalg.inv(cut)) @ moved @ cut
     # A file may say mm and mean µm: the length unit knows.
     scale = session.length_unit.true_mm
     for k, i in enumerate(ids):

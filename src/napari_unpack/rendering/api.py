@@ -313,9 +313,10 @@ def default_for(
     """
     from napari_unpack.appearance import TransferFunction
 
-    known = np.isfinite(volume)
+    given, measured = np.asarray(volume), density
     # What stands in for NaN and infinities is no density of the scan.
-    measured = density if known.all() else np.where(known, density, np.nan)
+    if given.dtype.kind == "f" and not (known := np.isfinite(given)).all():
+        measured = given if given.dtype == np.float32 else np.where(known, density, np.nan)
     look: TransferFunctionLike = TransferFunction.default_for(measured)
     return look
 

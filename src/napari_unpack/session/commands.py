@@ -7,12 +7,10 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.rendering.object_style import ObjectStyle
-from napari_unpack.segmentation.repair import LabelEdit
 from napari_unpack.session.labels import Edit, origin_of
 from napari_unpack.session.measurements import Measurement, SurfacePoint
 from napari_unpack.session.occlusion import NextUnpackable, OcclusionResult
@@ -292,7 +290,7 @@ def mirrors() -> Callable[[SessionState], SessionState]:
         return known[id(part)][1]  # type: ignore[no-any-return]
 
     def mirrored(placements: Mapping[int, Placement]) -> dict[int, Placement]:
-        return {i: placement.mirrored() for i, placement in placements.items()}
+        return {i: once(at, lambda one: one.mirrored()) for i, at in placements.items()}
 
     def mirror(state: SessionState) -> SessionState:
         undone = once(state.undone, lambda removals: tuple(once(r, mirrored) for r in removals))
@@ -335,7 +333,7 @@ def edit_labels(
     edit: Edit,
     known: frozenset[int],
     new_hues: Mapping[int, float],
-    spacing: NDArray[np.float64],
+    owner: Callable[[SurfacePoint], int],
 ) -> SessionState:
     """Follow an edit of the labels.
 
@@ -348,8 +346,8 @@ def edit_labels(
         The objects there are then.
     new_hues : mapping of int to float
         Of those that were not there before.
-    spacing : (3,) ndarray of float64
-        mm z y x.
+    owner : callable
+        Given a point, tells which object has the voxel that it is on now.
     """
     origins = {i: origin_of(edit.change, i) for i in new_hues}
     parts = {i: f"{state.names[o]}, part" for i, o in origins.items() if o in state.names}
@@ -357,7 +355,7 @@ def edit_labels(
         _left(state, edit.change.touched),
         hues=_of_known(state.hues, known) | dict(new_hues),
         names=_of_known(state.names, known) | parts,
-        measurements=_followed(state.measurements, edit.change, known, spacing),
+        measurements=_followed(state.measurements, edit, known, owner),
         colors=_of_known(state.colors, known),
         notes=_of_known(state.notes, known),
         flags=_of_known(state.flags, known),
@@ -373,30 +371,19 @@ def edit_labels(
 
 def _followed(
     measurements: tuple[Measurement, ...],
-    change: LabelEdit,
+    edit: Edit,
     known: frozenset[int],
-    spacing: NDArray[np.float64],
+    owner: Callable[[SurfacePoint], int],
 ) -> tuple[Measurement, ...]:
     """Have points of objects go along with the voxels that they are on."""
-    back, first = change.reverse(), [side.start for side in change.box]
-    places = np.unravel_index(change.where, [side.stop - side.start for side in change.box])
-    voxels = np.stack(places, axis=1) + first
 
-    def owner(point: SurfacePoint) -> int:
-        if point.object_id and point.object_id not in known:
-            return origin_of(back, point.object_id) or point.object_id
-        taken = change.before == point.object_id
-        if not point.object_id or not taken.any():
-            return point.object_id
-        apart = np.linalg.norm(voxels[taken] - np.array(point.at) / spacing, axis=1)
-        # A point of a surface lies beside its voxel.
-        near = int(change.after[taken][apart.argmin()]) if apart.min() <= 1 else 0
-        return near or point.object_id
+    def now(point: SurfacePoint) -> SurfacePoint:
+        found = owner(point) if point.object_id in edit.change.touched else point.object_id
+        if found and found not in known:
+            found = origin_of(edit.change.reverse(), found) or found
+        return replace(point, object_id=found)
 
-    followed = tuple(
-        replace(one, points=tuple(replace(p, object_id=owner(p)) for p in one.points))
-        for one in measurements
-    )
+    followed = tuple(replace(one, points=tuple(map(now, one.points))) for one in measurements)
     return measurements if followed == measurements else followed
 
 

@@ -100,7 +100,7 @@ def open_container(session: Session, object_id: int, rotation: Matrix | None = N
         if "parent" in objects:
             inner_of = {session.label_of(i): i for i in ids}
             table["parent"] = [inner_of.get(objects["parent"][i], 0) for i in ids]
-    shown = _alone(session, volume, inside)
+    shown = _alone(session, labels, inside, volume)
     inner = Session(shown, parts, session.spacing, table)
     inner.transfer_function = (
         session.style(object_id).transfer_function or session.transfer_function
@@ -145,8 +145,7 @@ def volume_inside(session: Session, object_id: int) -> NDArray[Any]:
         Whose object.
     object_id : int
     """
-    _, inside, volume = _contents(session, object_id)
-    return _alone(session, volume, inside)
+    return _alone(session, *_contents(session, object_id))
 
 
 def _contents(
@@ -159,11 +158,13 @@ def _contents(
     return labels, np.isin(labels, list(family)), np.asarray(session.volume[window])
 
 
-def _alone(session: Session, volume: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray[Any]:
+def _alone(
+    session: Session, labels: NDArray[Any], inside: NDArray[np.bool_], volume: NDArray[Any]
+) -> NDArray[Any]:
     """Return a part of the volume with air around an object: zero is water in many scans."""
-    air = np.nanmin(session.volume)
-    if not np.isfinite(air):
-        air = np.min(session.volume[np.isfinite(session.volume)])
+    around = volume[(labels == 0) & np.isfinite(volume)]
+    # Of the lowest densities some may be of padding.
+    air = np.median(around) if around.size else np.nanmin(session.volume)
     return np.where(inside, volume, volume.dtype.type(air))
 
 

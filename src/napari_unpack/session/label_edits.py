@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from napari_unpack.segmentation.review.doubts import Answer
 from napari_unpack.session import commands
 from napari_unpack.session.errors import listed_objects
 from napari_unpack.session.labels import Confidence, LabelData
+from napari_unpack.session.measurements import owner_after
 from napari_unpack.session.validation import MOST_ID, checked_ids
 from napari_unpack.tasks import Task
 
@@ -249,7 +250,10 @@ class LabelEditor:
         fresh = {i: golden_hue(i) for i in known - state.hues.keys()}
         # Another oracle may have scored the objects while the task ran.
         data = replace(edited.data, facts=now.facts_after(edit))
-        new = commands.edit_labels(state, edit, known, fresh, self._session.spacing)
+        owner = partial(
+            owner_after, before=now.labels, after=data.labels, spacing=self._session.spacing
+        )
+        new = commands.edit_labels(state, edit, known, fresh, owner)
         new = new if answers is None else replace(new, answers=answers)
         self._session.commit(edited.verb, new, data=data)
         return True

@@ -107,6 +107,32 @@ class Measurement:
         return numbers[0] if len(numbers) == 1 else f"{numbers[2]} ({numbers[0]}, {numbers[1]})"
 
 
+def owner_after(
+    point: SurfacePoint,
+    before: NDArray[np.integer],
+    after: NDArray[np.integer],
+    spacing: NDArray[np.float64],
+) -> int:
+    """Return which object has the voxel that a point is on, after labels were edited.
+
+    Parameters
+    ----------
+    point : SurfacePoint
+    before, after : (Z, Y, X) ndarray of int
+    spacing : (3,) ndarray of float64, mm z y x
+    """
+    place = np.array(point.at) / spacing
+    # A point of a surface lies beside its voxel.
+    low = np.maximum(np.rint(place).astype(int) - 1, 0)
+    box = tuple(slice(first, first + 3) for first in low)
+    voxels = np.argwhere(before[box] == point.object_id)
+    if not len(voxels):
+        return point.object_id
+    nearest = voxels[np.linalg.norm(voxels + low - place, axis=1).argmin()]
+    # What was erased leaves its points behind.
+    return int(after[box][tuple(nearest)]) or point.object_id
+
+
 class Measurements:
     """The measurements of a session, in the order in which they were made.
 

@@ -328,9 +328,9 @@ def in_turn(
     """
     groups: list[Group] = []
     left = [i for i in dict.fromkeys(ids) if i in packed]
-    while free := [i for i in left if i in unpackable(packed)]:
-        groups += [(i,) for i in free]
-        left, packed = [i for i in left if i not in free], packed.difference(free)
+    while free := unpackable(packed).intersection(left):
+        groups += [(i,) for i in left if i in free]
+        left, packed = [i for i in left if i not in free], packed - free
     return groups
 
 

@@ -80,7 +80,7 @@ class Queries:
     def __init__(self, session: Document, stored: Callable[[], object]) -> None:
         self._session, self._stored = session, stored
         self._cache = ResultCache()
-        # Set by a window, which asks anew while nothing moves: a command does not wait for that.
+        # Set by a window, which asks anew while nothing moves: the queue does not wait for that.
         self.asks_at_rest = False
 
     def store(self, task: Task[Any], result: Any) -> bool:
@@ -159,6 +159,7 @@ class Queries:
         direction: Vector | None = None,
         packed: frozenset[int] | None = None,
         afresh: bool = False,
+        finer: bool = True,
     ) -> OcclusionResult:
         """Return what can leave, and what blocks what; casts rays where that is not known.
 
@@ -168,11 +169,11 @@ class Queries:
             By default D.
         packed : frozenset of int, optional
             By default what is packed now.
-        afresh : bool
-            A result for more packed objects does not do even where it would be found again.
+        afresh, finer : bool
+            A result for more packed objects does not do; finer: not unless it would be found again.
         """
         key = self._occlusion_key(direction, packed)
-        known = None if afresh else self._known_occlusion(key, finer=not self.asks_at_rest)
+        known = None if afresh else self._known_occlusion(key, finer)
         known = known or self._cache.find(key, OcclusionKey.equals)
         if known is None:
             known = self._find_occlusion()(key)
@@ -262,7 +263,7 @@ class Queries:
         exact = (session.rules.rule, session.rules.tolerance) == ("exact", 0.0)
         if not exact or not session.ray_queries.can_sweep or not (key.occlusion.packed and count):
             return None
-        if self._known_occlusion(key.occlusion) is not None:
+        if self._known_occlusion(key.occlusion, finer=chosen is not None) is not None:
             return None
         queue = session.state.queue
         if chosen is None and queue.serves(
@@ -324,20 +325,20 @@ class Queries:
         queue : Queue
         packed : frozenset of int
         """
-        session, direction = self._session, self.direction
-        rules = session.rules
+        session, direction, rules = self._session, self.direction, self._session.rules
         if queue.serves(direction, packed, rules.terms):
             return queue
         if not packed:
             return queue.refilled((), direction, packed, rules=rules.terms)
-        groups = self.occlusion(packed=packed).groups(packed, rules.max_group_size)
+        known = self.occlusion(packed=packed, finer=not self.asks_at_rest)
+        groups = known.groups(packed, rules.max_group_size)
         if not groups:
             # What has left since may have blocked others, where there is no table that says so.
             known = self.occlusion(packed=packed, afresh=True)
             groups = known.groups(packed, rules.max_group_size)
         least = not groups and rules.take_least_occluded
         if least:
-            groups = [(self.occlusion(packed=packed, afresh=True).least_occluded(packed),)]
+            groups = [(known.least_occluded(packed),)]
         depths = session.bag.depths(direction)
         return queue.refilled(groups, direction, packed, depths, least, rules.terms)
 

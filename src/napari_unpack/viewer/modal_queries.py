@@ -68,7 +68,9 @@ def _find(
             found = quick.run(no_progress)
         if queries.store(quick, found):
             return
-    if queries.occlusion_task() is None:
+    # The queue is conservative until nothing moves; one who chooses is told what holds now.
+    chosen = n_or_ids is not None and not isinstance(n_or_ids, int)
+    if queries.occlusion_task(finer=chosen) is None:
         return
     searching(True)
     try:
@@ -80,7 +82,7 @@ def _find(
                 return
         # What was asked when nothing moved may be the same.
         scheduler.wait(OCCLUSION)
-        occlusion = queries.occlusion_task()
+        occlusion = queries.occlusion_task(finer=chosen)
         if occlusion is not None:
             queries.store(occlusion, scheduler.run_modal(occlusion, Worker.QUERY, OCCLUSION))
     finally:

@@ -188,8 +188,9 @@ def _place_of(array: Any) -> Any:
     """Return where values lie: the file of a memory map, the store and path of a Zarr array."""
     store, path, base = getattr(array, "store", None), getattr(array, "path", ""), array
     if store is not None:
-        root = getattr(store, "root", None)
-        return (store, path) if root is None else os.path.realpath(os.path.join(root, path))
+        # Of a folder, or of a folder that dask has opened.
+        root = getattr(store, "root", None) or getattr(store, "path", None)
+        return (id(store), path) if root is None else os.path.realpath(os.path.join(root, path))
     while base is not None and getattr(base, "filename", None) is None:
         base = getattr(base, "base", None)
     return id(array) if base is None else os.path.realpath(base.filename)
