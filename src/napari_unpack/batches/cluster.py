@@ -130,7 +130,8 @@ def _local(
         memory_limit=free // count,
         env={SETTING: str(each)},
         preload=[DEAF_TO_INTERRUPTS],
-        silence_logs=logging.ERROR,
+        # Of a scheduler that has ended a worker tells with a traceback; the run says it in words.
+        silence_logs=logging.CRITICAL,
         # Any free port: another run of today may have the usual one.
         dashboard_address=":0",
     )
