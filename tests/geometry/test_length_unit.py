@@ -34,6 +34,7 @@ def test_small_lengths_keep_two_digits_of_the_longest() -> None:
     assert [MM.edges([mm]) for mm in lengths] == told
     assert MM.edges([0.0012, 0.0003]) == "0.0012 × 0.0003"
     assert MM.edges([0.0]) == "0.000"
+    assert MM.edges([float("inf")]) == "inf"
 
 
 def test_densities_of_scans_scaled_to_small_numbers_keep_two_digits() -> None:

@@ -9,9 +9,8 @@ from urllib.parse import quote
 
 from napari_unpack.atomic import written_atomically
 from napari_unpack.batches.results import FILM, PAGE, PICTURE, ScanResult
+from napari_unpack.batches.run_settings import INDEX
 from napari_unpack.io.table_page import PageColumn, PageParts, number_cell, table_page
-
-INDEX = "index.html"
 
 COLUMNS = (
     PageColumn("Picture", ""),

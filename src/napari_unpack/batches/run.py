@@ -20,6 +20,8 @@ from napari_unpack.batches.inputs import ScanInput, find_inputs
 from napari_unpack.batches.object_rows import join_object_rows
 from napari_unpack.batches.results import OBJECTS, ScanResult, note_names, results_in
 from napari_unpack.batches.run_settings import (
+    ALL_OBJECTS,
+    ALL_SCANS,
     Settings,
     check_folder,
     claim_folder,
@@ -33,8 +35,6 @@ if TYPE_CHECKING:
 
 Told = Callable[[ScanResult, int, int], None]
 """Called with what came of a scan, how many are done, and how many there are."""
-
-ALL_OBJECTS, ALL_SCANS = "objects.parquet", "scans.parquet"
 
 
 @dataclass(frozen=True, eq=False)

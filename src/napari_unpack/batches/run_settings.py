@@ -17,7 +17,8 @@ from napari_unpack.unpacking.direction import checked_direction
 
 FORMAT, VERSION = "napari-unpack batch", 1
 RUN, SCANS = "run.json", "scans"
-OWN_FILES = (RUN, "index.html", "objects.parquet", "scans.parquet")
+INDEX, ALL_OBJECTS, ALL_SCANS = "index.html", "objects.parquet", "scans.parquet"
+OWN_FILES = (RUN, INDEX, ALL_OBJECTS, ALL_SCANS)
 LABEL_FORMATS = ("npz", "zarr")
 
 

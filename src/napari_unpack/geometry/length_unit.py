@@ -58,7 +58,7 @@ class LengthUnit:
         lengths = [length * self.per_mm for length in mm]
         longest = max(lengths, default=0.0)
         # Two digits of the longest at least: a tenth of a micrometre is not 0.000 mm.
-        places = max(0, 1 - math.floor(math.log10(longest))) if longest > 0 else 3
+        places = max(0, 1 - math.floor(math.log10(longest))) if 0 < longest < math.inf else 3
         return " × ".join(f"{length:.{places}f}" for length in lengths)
 
     def volume_unit(self, largest_mm3: float) -> VolumeUnit:
