@@ -187,7 +187,9 @@ def to_log(
     knee = foreground / 4 * np.exp(rng.normal(0, 0.3))
     air = rng.normal(0, 6)
     gamma = np.exp(rng.normal(0, 0.05))
-    return np.minimum(np.log1p(np.maximum(density - air, 0) / knee) * gamma, FAR).astype(np.float32)
+    # NumPy has log in vectors of the processor, log1p one by one.
+    lifted = 1 + np.maximum(density - np.float32(air), 0) * np.float32(1 / knee)
+    return np.minimum(np.log(lifted) * np.float32(gamma), np.float32(FAR))
 
 
 def packed(values: NDArray[np.generic]) -> NDArray[np.generic]:
@@ -197,51 +199,53 @@ def packed(values: NDArray[np.generic]) -> NDArray[np.generic]:
     return np.ascontiguousarray(cells.reshape(8, z, y, x))
 
 
-def targets(
-    labels: NDArray[np.int32], apart: float
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return what the network shall say, and how much each answer weighs.
+NOTHING, SAME, APART, BESIDE_AIR, AIR_ALONE = range(5)
+"""What the network shall say: nothing is known; yes; two objects; one and air; air."""
+
+
+def targets(labels: NDArray[np.int32]) -> NDArray[np.uint8]:
+    """Return what the network shall say.
 
     Parameters
     ----------
     labels : (Z, Y, X) ndarray of int32
         Truth.
-    apart : float
-        Weight of two voxels of two objects, against two of one.
 
     Returns
     -------
-    wanted, weights : (CHANNELS, Z/2, Y/2, X/2) ndarray of float32
-        In the order of `boundary_network.CHANNELS`.
+    (CHANNELS, Z/2, Y/2, X/2) ndarray of uint8
+        In the order of `boundary_network.CHANNELS`: `SAME` where it shall say yes, `NOTHING` where
+        it may say what it likes, one of the others where it shall say no.
     """
-    wanted = [packed((labels > 0).astype(np.float32))]
-    weights = [np.ones_like(wanted[0])]
-    for axis in range(3):
-        same, weight = _pairs(labels, axis, 1, apart)
-        wanted.append(packed(same))
-        weights.append(packed(weight))
+    matter = np.where(labels > 0, SAME, AIR_ALONE).astype(np.uint8)
+    pairs = [packed(_pairs(labels, axis, 1)) for axis in range(3)]
     cells = cells_of(labels)
-    for reach in REACHES:
-        for axis in range(3):
-            same, weight = _pairs(cells, axis, reach, apart)
-            wanted.append(same[None])
-            weights.append(weight[None])
-    return np.concatenate(wanted), np.concatenate(weights)
+    far = [_pairs(cells, axis, reach)[None] for reach in REACHES for axis in range(3)]
+    return np.concatenate([packed(matter), *pairs, *far])
 
 
-def _pairs(
-    labels: NDArray[np.int32], axis: int, reach: int, apart: float
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    same, weight = np.zeros(labels.shape, np.float32), np.zeros(labels.shape, np.float32)
-    if reach < labels.shape[axis]:
-        here = np.moveaxis(labels, axis, 0)
-        a, b = here[:-reach], here[reach:]
-        equal, both = (a == b) & (a > 0), (a > 0) & (b > 0)
-        np.moveaxis(same, axis, 0)[:-reach] = equal
-        np.moveaxis(weight, axis, 0)[:-reach] = np.where(
-            equal, 1.0, np.where(both, apart, np.where((a > 0) | (b > 0), 0.2, 0.0))
-        )
-    return same, weight
+def _pairs(labels: NDArray[np.int32], axis: int, reach: int) -> NDArray[np.uint8]:
+    answers = np.zeros(labels.shape, np.uint8)
+    _compare(np.moveaxis(labels, axis, 0), reach, np.moveaxis(answers, axis, 0))
+    return answers
+
+
+@njit(cache=True, nogil=True)
+def _compare(labels, reach, answers):  # type: ignore[no-untyped-def]
+    """Compare every voxel with the one so many further along the first axis."""
+    depth, height, width = labels.shape
+    for z in range(depth - reach):
+        for y in range(height):
+            for x in range(width):
+                one, two = labels[z, y, x], labels[z + reach, y, x]
+                if one == 0 and two == 0:
+                    continue
+                if one == two:
+                    answers[z, y, x] = SAME
+                elif one == 0 or two == 0:
+                    answers[z, y, x] = BESIDE_AIR
+                else:
+                    answers[z, y, x] = APART
 
 
 def rescan(rng: np.random.Generator, density: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -253,9 +257,9 @@ def rescan(rng: np.random.Generator, density: NDArray[np.float32]) -> NDArray[np
 
 
 def examples(
-    source: Source, seed: int, size: int, apart: float
-) -> Iterator[tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]]:
-    """Yield (cells, wanted, weights) without end."""
+    source: Source, seed: int | list[int], size: int
+) -> Iterator[tuple[NDArray[np.float32], NDArray[np.uint8]]]:
+    """Yield cells of log density, (8, z, y, x), and `targets` of them without end."""
     rng = np.random.default_rng(seed)
     while True:
         density, labels, kind = source.patch(rng, size)
@@ -273,5 +277,4 @@ def examples(
         share = rng.random()
         typical = max(float(np.exp(share * np.log(typical) + (1 - share) * np.log(USUAL))), 120.0)
         seen = rescan(rng, density) if scanned else scan(rng, density)
-        wanted, weights = targets(labels, apart)
-        yield packed(to_log(rng, seen, typical)), wanted, weights
+        yield packed(to_log(rng, seen, typical)), targets(labels)

@@ -2,7 +2,7 @@
 
 `python -m benchmarks.boundaries` runs it after the volumes are written; by hand,
 `python -m benchmarks.boundaries.train FOLDER`. It goes on where it was stopped, and needs the
-dependency group `train`.
+dependency group `train`. Where PyTorch finds a graphics card, it trains there, in half precision.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import binary_cross_entropy_with_logits
-from torch.utils.data import DataLoader, IterableDataset
+from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
-from benchmarks.boundaries.examples import Source, examples
+from benchmarks.boundaries.examples import APART, BESIDE_AIR, NOTHING, SAME, Source, examples
 from benchmarks.boundaries.network import BoundaryNetwork
 from benchmarks.boundaries.volumes import KINDS, seeds
 
@@ -37,7 +37,6 @@ class Schedule:
     Parameters
     ----------
     steps : int
-        Of two patches each.
     rate : float
         Of learning, until it falls.
     falling : float
@@ -53,6 +52,9 @@ class Schedule:
         Weight of two voxels of two objects, against two of one.
     memory : float
         Of the mean over steps that is what is kept: so much of it stays at each.
+    seconds : float, optional
+        After which it ends, on a machine lent for a time: the rate falls by the clock then, and
+        not by the steps.
     """
 
     steps: int = 24000
@@ -63,11 +65,20 @@ class Schedule:
     batch: int = 2
     apart: float = 4.0
     memory: float = 0.999
+    seconds: float | None = None
 
-    def rate_at(self, step: int) -> float:
-        """Return the rate of a step."""
-        left = (self.steps - step) / max(self.falling * self.steps, 1)
-        return self.rate * min(1.0, (step + 1) / self.rising, left)
+    def done(self, step: int, seconds: float) -> float:
+        """Return the share of the training that is done before a step, after some seconds."""
+        return step / self.steps if self.seconds is None else seconds / self.seconds
+
+    def rate_at(self, step: int, done: float) -> float:
+        """Return the rate of a step, when some share of the training is done."""
+        return self.rate * max(0.0, min(1.0, (step + 1) / self.rising, (1 - done) / self.falling))
+
+    def weights(self) -> list[float]:
+        """Return how much each answer of `examples.targets` weighs."""
+        told = dict.fromkeys(range(5), 1.0)
+        return list((told | {NOTHING: 0.0, APART: self.apart, BESIDE_AIR: 0.2}).values())
 
 
 class Patches(IterableDataset[Any]):
@@ -78,16 +89,36 @@ class Patches(IterableDataset[Any]):
 
     def __iter__(self) -> Iterator[Any]:
         torch.set_num_threads(1)
-        return examples(self.source, self.seed, self.schedule.size, self.schedule.apart)
+        worker = get_worker_info()
+        seed = [self.seed, worker.id] if worker and worker.num_workers > 1 else self.seed
+        return examples(self.source, seed, self.schedule.size)
 
 
-def losses(said: Tensor, wanted: Tensor, weights: Tensor) -> dict[str, Tensor]:
-    """Return the weighted cross entropy of every group of channels."""
+def losses(said: Tensor, answers: Tensor, weighing: Tensor) -> dict[str, Tensor]:
+    """Return the weighted cross entropy of every group of channels.
+
+    Parameters
+    ----------
+    said : (N, CHANNELS, z, y, x) Tensor of float
+        Logits.
+    answers : Tensor of uint8
+        See `examples.targets`.
+    weighing : (5,) Tensor of float
+        The weight of each answer.
+    """
+    weights = weighing[answers.int()]
+    wanted = (answers == SAME).to(said.dtype)
     each = binary_cross_entropy_with_logits(said, wanted, weights, reduction="none")
     return {k: each[:, s].sum() / weights[:, s].sum().clamp(min=1) for k, s in GROUPS.items()}
 
 
-def train(folder: Path, volumes: Mapping[str, range], schedule: Schedule, checkpoint: Path) -> None:
+def train(
+    folder: Path,
+    volumes: Mapping[str, range],
+    schedule: Schedule,
+    checkpoint: Path,
+    workers: int = 1,
+) -> None:
     """Train, or go on from the checkpoint; it holds the weights as `mean` when this returns.
 
     Parameters
@@ -98,37 +129,49 @@ def train(folder: Path, volumes: Mapping[str, range], schedule: Schedule, checkp
         Seeds of each kind.
     schedule : Schedule
     checkpoint : Path
+    workers : int
+        Processes that make patches.
     """
     torch.manual_seed(0)
-    network = BoundaryNetwork().to(memory_format=torch.channels_last_3d)
+    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    network = BoundaryNetwork().to(device, memory_format=torch.channels_last_3d)
     optimizer = torch.optim.AdamW(network.parameters(), schedule.rate, weight_decay=1e-2)
+    weighing = torch.tensor(schedule.weights(), device=device)
     mean = {k: v.clone() for k, v in network.state_dict().items()}
     begun = 0
     if checkpoint.exists():
-        state = torch.load(checkpoint, weights_only=True)
+        state = torch.load(checkpoint, weights_only=True, map_location=device)
         network.load_state_dict(state["network"])
         optimizer.load_state_dict(state["optimizer"])
         mean, begun = state["mean"], state["steps"]
     # Of other patches than those before a stop.
     patches = Patches(Source(folder, volumes), begun, schedule)
-    loader = iter(DataLoader(patches, schedule.batch, num_workers=1, prefetch_factor=4))
+    on_card = device.type == "cuda"
+    # All patches are of one size: the fastest convolutions are looked for once.
+    torch.backends.cudnn.benchmark = on_card
+    loader = DataLoader(
+        patches, schedule.batch, num_workers=workers, prefetch_factor=4, pin_memory=on_card
+    )
+    coming = iter(loader)
     since, told = time.time(), dict.fromkeys(GROUPS, 0.0)
     for step in range(begun, schedule.steps):
+        done = schedule.done(step, time.time() - since)
+        last = step + 1 == schedule.steps or done >= 1
         for group in optimizer.param_groups:
-            group["lr"] = schedule.rate_at(step)
-        cells, wanted, weights = next(loader)
-        each = losses(network(cells.to(memory_format=torch.channels_last_3d)), wanted, weights)
+            group["lr"] = schedule.rate_at(step, done)
+        cells, answers = (tensor.to(device, non_blocking=True) for tensor in next(coming))
+        with torch.autocast("cuda", torch.bfloat16, enabled=on_card):
+            said = network(cells.to(memory_format=torch.channels_last_3d))
+        each = losses(said.float(), answers, weighing)
         optimizer.zero_grad()
         torch.stack(list(each.values())).sum().backward()
         nn.utils.clip_grad_norm_(network.parameters(), 1.0)
         optimizer.step()
         # At first the mean is that of the steps so far.
         new = max(1 - schedule.memory, 1 / (step + 1))
-        for name, value in network.state_dict().items():
-            mean[name].lerp_(value, new)
+        torch._foreach_lerp_(list(mean.values()), list(network.state_dict().values()), new)
         for k, v in each.items():
-            told[k] += (float(v.detach()) - told[k]) * max(0.01, 1 / (step - begun + 1))
-        last = step + 1 == schedule.steps
+            told[k] += (v.detach() - told[k]) * max(0.01, 1 / (step - begun + 1))
         if (step + 1) % TOLD_EVERY == 0 or last:
             text = " ".join(f"{k} {v:.4f}" for k, v in told.items())
             print(f"{step + 1} {time.time() - since:.0f} s {text}", flush=True)
@@ -137,6 +180,8 @@ def train(folder: Path, volumes: Mapping[str, range], schedule: Schedule, checkp
             part = checkpoint.with_suffix(".part")
             torch.save({**state, "mean": mean, "steps": step + 1}, part)
             part.rename(checkpoint)
+        if last:
+            return
 
 
 def main() -> None:
@@ -145,13 +190,17 @@ def main() -> None:
     parser.add_argument("--checkpoint", type=Path, help="by default checkpoint.pt in the folder")
     parser.add_argument("--steps", type=int, default=Schedule.steps)
     parser.add_argument("--rate", type=float, default=Schedule.rate)
+    parser.add_argument("--batch", type=int, default=Schedule.batch, help="patches of a step")
+    parser.add_argument("--seconds", type=float, help="end by the clock, before the last step")
+    parser.add_argument("--workers", type=int, default=1, help="processes that make patches")
     parser.add_argument("--shorten", type=int, default=1, help="as the volumes were")
     parser.add_argument("--threads", type=int, default=2)
     options = parser.parse_args()
     torch.set_num_threads(options.threads)
     volumes = {name: seeds(kind, options.shorten) for name, kind in KINDS.items()}
-    schedule = Schedule(options.steps, options.rate)
-    train(options.folder, volumes, schedule, options.checkpoint or options.folder / "checkpoint.pt")
+    schedule = Schedule(options.steps, options.rate, batch=options.batch, seconds=options.seconds)
+    checkpoint = options.checkpoint or options.folder / "checkpoint.pt"
+    train(options.folder, volumes, schedule, checkpoint, options.workers)
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ from scipy.ndimage import map_coordinates
 
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.geometry.shading import Shading
+from napari_unpack.rendering.gl import offscreen
 from napari_unpack.rendering.gl.framebuffer import Target
 from napari_unpack.rendering.gl.programs import linked, load, read
 from napari_unpack.rendering.gl.textures import VolumeTextures
@@ -93,8 +94,13 @@ def ramp(gl):
 def test_density_is_trilinear_with_centres_at_integers_and_clamped(ramp):
     z, y, x = np.random.default_rng(0).uniform(-1.5, 7.0, (3, 200))
     found = probe("density.glsl", "vec4(density_at(a.xyz))", rows(np.stack([x, y, z], 1)), ramp)
-    wanted = 1000 * np.clip(z, 0, 3) + 100 * np.clip(y, 0, 4) + 10 * np.clip(x, 0, 5)
-    np.testing.assert_allclose(found[:, 0] * 65535, wanted, atol=0.6)
+    places = [np.clip(z, 0, 3), np.clip(y, 0, 4), np.clip(x, 0, 5)]
+    if not offscreen.is_software():
+        # A card blends with weights of 8 bits, and rounds what comes to the texture's own 16.
+        places = [np.rint(256 * place) / 256 for place in places]
+    wanted = np.dot([1000, 100, 10], places)
+    atol = 0.6 if offscreen.is_software() else 1.0
+    np.testing.assert_allclose(found[:, 0] * 65535, wanted, atol=atol)
 
 
 def test_the_gradient_of_a_ramp_is_its_slope(ramp):

@@ -14,7 +14,7 @@ from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.view import View
 from napari_unpack.rendering import cpu
 from napari_unpack.rendering.gl import backend as gl_backend
-from napari_unpack.rendering.gl import textures
+from napari_unpack.rendering.gl import offscreen, textures
 from napari_unpack.rendering.gl.voxel_buffer import VoxelBuffer
 
 CLEAR = 2e-4
@@ -111,10 +111,15 @@ def test_tinted_shaders_match_the_cpu_ray_caster(density_held, seed):
     held = gl_backend.workspace_here().textures(case.labels, case.volume).density
     assert isinstance(held, density_held)
     assert image[..., 3].max() > 0.02
-    assert np.abs(found - image)[clear].max() <= 2 / 255
+    exact = density_held is VoxelBuffer or offscreen.is_software()
+    # A card's filter has 8 bits of weight (test_glsl_functions), which random voxels show most.
+    most = (2 if exact else 8) / 255
+    difference = np.abs(found - image)[clear]
+    assert difference.max() <= most
+    assert difference.mean() <= 0.25 / 255
     reached = np.isfinite(depth) & np.isfinite(found_depth)
     # Where alpha grazes 1/2 a rounding decides which sample reaches it.
-    grazing = np.abs(image[..., 3] - 0.5) < 2 / 255
+    grazing = np.abs(image[..., 3] - 0.5) < most
     same = np.isfinite(depth) == np.isfinite(found_depth)
     assert same[clear & ~grazing].all()
     late = np.abs(np.subtract(found_depth, depth, where=reached, out=np.zeros(SIZE))) > 1e-3

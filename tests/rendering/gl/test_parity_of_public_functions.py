@@ -15,6 +15,7 @@ import napari_unpack as nu
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.transforms import Pose, rotation_about
 from napari_unpack.rendering.compose import sprite_image
+from napari_unpack.rendering.gl import offscreen
 
 CLEAR = 3e-4
 """Voxels from a face within which a float32 position may fall on either side."""
@@ -121,7 +122,10 @@ def test_object_id_layers_and_render_agree_on_both_backends(gl, seed: int) -> No
     image = nu.render(*bag, backend="cpu", hidden=hidden, **scene.place, **scene.look)
     drawn = nu.render(*bag, backend="gl", hidden=hidden, **scene.place, **scene.look)
     assert image[..., 3].max() > 0.02
-    assert np.abs(drawn - image)[clear].max() <= 2 / 255
+    difference = np.abs(drawn - image)[clear]
+    # A card's filter has 8 bits of weight (test_glsl_functions), which random voxels show most.
+    assert difference.max() <= (2 if offscreen.is_software() else 8) / 255
+    assert difference.mean() <= 0.25 / 255
 
 
 def test_both_backends_draw_the_same_smooth_sprite(gl) -> None:
