@@ -5,6 +5,9 @@ writes the volumes to learn from, trains, and exports. Volumes and checkpoint ar
 so that the command goes on where it was stopped. `--shorten 100` takes a hundredth of all, to try
 whether it runs. It needs the dependency group `train`.
 
+What else is given goes to the training (`train.py`): with a graphics card and many cores,
+`--batch 8 --rate 1.5e-3 --workers 14` takes minutes.
+
 One state of the code, one machine and one number of threads give the same weights if nothing stops
 it; elsewhere sums are taken in another order.
 """
@@ -25,7 +28,7 @@ def main() -> None:
     parser.add_argument("file", type=Path, help="where to write the network (.onnx)")
     parser.add_argument("--folder", type=Path, default=Path("network-training"))
     parser.add_argument("--shorten", type=int, default=1, help="divides volumes and steps")
-    options = parser.parse_args()
+    options, more = parser.parse_known_args()
     folder, shorten = str(options.folder), str(options.shorten)
     parts = [
         _begin("volumes", folder, "--shorten", shorten, "--part", str(part), "2")
@@ -36,7 +39,7 @@ def main() -> None:
     # With its steps: a trial's is none of the training's.
     checkpoint = options.folder / f"checkpoint-{steps}.pt"
     told = ["--checkpoint", str(checkpoint), "--steps", str(steps), "--shorten", shorten]
-    _ended(_begin("train", folder, *told))
+    _ended(_begin("train", folder, *told, *more))
     _ended(_begin("export", str(checkpoint), str(options.file)))
 
 

@@ -10,8 +10,17 @@ import numpy as np
 import pytest
 from benchmarks.boundaries import __main__ as training
 from benchmarks.boundaries import volumes
-from benchmarks.boundaries.examples import Source, examples
-from benchmarks.boundaries.volumes import FIRST_SEED, KINDS, Kind
+from benchmarks.boundaries.examples import (
+    AIR_ALONE,
+    APART,
+    BESIDE_AIR,
+    NOTHING,
+    SAME,
+    Source,
+    examples,
+    targets,
+)
+from benchmarks.boundaries.volumes import FIRST_SEED, KINDS, Kind, hollow
 
 from napari_unpack.segmentation.learned.boundary_network import CHANNELS
 
@@ -38,6 +47,8 @@ def test_a_trial_and_the_training_keep_checkpoints_of_their_own(
 
     monkeypatch.setattr(subprocess, "Popen", process)
     assert run("--shorten", "130") == run("--shorten", "130") != run()
+    run("--batch", "8")
+    assert begun[2][-2:] == ["--batch", "8"]
 
 
 def test_a_step_that_fails_ends_the_command(
@@ -80,11 +91,41 @@ def test_patches_hold_what_the_network_is_to_say_of_them(tmp_path: Path, kind: s
     np.save(density_file, density)
     np.save(labels_file, labels)
     source = Source(tmp_path, {kind: range(FIRST_SEED, FIRST_SEED + 1)})
-    cells, wanted, weights = next(examples(source, 0, 32, 4.0))
+    cells, answers = next(examples(source, 0, 32))
     assert cells.shape == (8, 16, 16, 16)
-    assert wanted.shape == weights.shape == (CHANNELS, 16, 16, 16)
-    # Affinities of pairs beyond the patch, and of air with air, teach nothing.
-    assert not weights[32, -1].any()
-    assert set(np.unique(wanted)) == {0.0, 1.0}
+    assert answers.shape == (CHANNELS, 16, 16, 16)
+    assert set(np.unique(answers[:8])) == {SAME, AIR_ALONE}
+    assert set(np.unique(answers[8:])) == {NOTHING, SAME, APART, BESIDE_AIR}
     # The same patch again from the same seed.
-    np.testing.assert_array_equal(next(examples(source, 0, 32, 4.0))[0], cells)
+    np.testing.assert_array_equal(next(examples(source, 0, 32))[0], cells)
+
+
+def test_answers_say_which_voxels_and_cells_are_of_one_object() -> None:
+    labels = np.zeros((4, 4, 32), np.int32)
+    labels[..., 4:16], labels[..., 16:28] = 7, 9
+    answers = targets(labels)
+    matter, along_x = answers[:8], answers[24:32]
+    np.testing.assert_array_equal(matter[0, 0, 0], [AIR_ALONE] * 2 + [SAME] * 12 + [AIR_ALONE] * 2)
+    # The second voxel of each cell with the first of the next.
+    assert along_x[1, 0, 0].tolist() == [
+        NOTHING, BESIDE_AIR, *[SAME] * 5, APART, *[SAME] * 5, BESIDE_AIR, NOTHING, NOTHING,
+    ]  # fmt: skip
+    # Of a cell with the next, and with the third beyond it.
+    near, third = answers[34, 0, 0], answers[37, 0, 0]
+    assert near.tolist() == along_x[1, 0, 0].tolist()
+    assert third.tolist() == [
+        BESIDE_AIR, BESIDE_AIR, *[SAME] * 3, *[APART] * 3, *[SAME] * 3, *[BESIDE_AIR] * 2,
+        *[NOTHING] * 3,
+    ]  # fmt: skip
+    # Pairs beyond the patch teach nothing.
+    assert not answers[40, ..., -6:].any()
+
+
+def test_air_inside_objects_is_no_object_s_but_for_the_voids_of_cloth() -> None:
+    density, labels = np.full((9, 9, 9), 500.0, np.float32), np.ones((9, 9, 9), np.int32)
+    density[2:6, 2:5, 3:6] = 0
+    density[7, 7, 1:7] = 0
+    hollow(density, labels)
+    wanted = np.ones((9, 9, 9), np.int32)
+    wanted[2:6, 2:5, 3:6] = 0
+    np.testing.assert_array_equal(labels, wanted)
