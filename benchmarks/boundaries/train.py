@@ -19,7 +19,15 @@ from torch import Tensor, nn
 from torch.nn.functional import binary_cross_entropy_with_logits
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
-from benchmarks.boundaries.examples import APART, BESIDE_AIR, NOTHING, SAME, Source, examples
+from benchmarks.boundaries.examples import (
+    AIR_ALONE,
+    APART,
+    BESIDE_AIR,
+    NOTHING,
+    SAME,
+    Source,
+    examples,
+)
 from benchmarks.boundaries.network import BoundaryNetwork
 from benchmarks.boundaries.volumes import KINDS, seeds
 
@@ -77,8 +85,8 @@ class Schedule:
 
     def weights(self) -> list[float]:
         """Return how much each answer of `examples.targets` weighs."""
-        told = dict.fromkeys(range(5), 1.0)
-        return list((told | {NOTHING: 0.0, APART: self.apart, BESIDE_AIR: 0.2}).values())
+        told = {NOTHING: 0.0, SAME: 1.0, APART: self.apart, BESIDE_AIR: 0.2, AIR_ALONE: 1.0}
+        return [told[answer] for answer in sorted(told)]
 
 
 class Patches(IterableDataset[Any]):
@@ -89,8 +97,8 @@ class Patches(IterableDataset[Any]):
 
     def __iter__(self) -> Iterator[Any]:
         torch.set_num_threads(1)
-        worker = get_worker_info()
-        seed = [self.seed, worker.id] if worker and worker.num_workers > 1 else self.seed
+        # Each of the loader's processes makes others.
+        seed = [self.seed, get_worker_info().id]
         return examples(self.source, seed, self.schedule.size)
 
 

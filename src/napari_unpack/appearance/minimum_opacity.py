@@ -60,10 +60,23 @@ def visible_alone(
     if not least:
         return shown
     around = boxes.slices(object_id, AROUND)
-    beside = volume[around][(labels[around] == 0) & np.isfinite(volume[around])]
     # The first point may be of padding, or a person's.
-    air = float(np.median(beside)) if beside.size else shown.points[0][0]
+    air = air_among(labels[around], volume[around])
+    air = shown.points[0][0] if air is None else air
     return at_least(shown, least, own_range(density[mask], air))
+
+
+def air_among(labels: NDArray[np.integer], volume: NDArray[np.generic]) -> float | None:
+    """Return the density of what is no object's, None where all is.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int
+    volume : (Z, Y, X) ndarray
+    """
+    beside = volume[(labels == 0) & np.isfinite(volume)]
+    # Of the lowest densities some may be of padding.
+    return float(np.median(beside)) if beside.size else None
 
 
 def minimum_opacity(

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.appearance.minimum_opacity import air_among
 from napari_unpack.geometry.axes import Matrix
 
 if TYPE_CHECKING:
@@ -162,9 +163,8 @@ def _alone(
     session: Session, labels: NDArray[Any], inside: NDArray[np.bool_], volume: NDArray[Any]
 ) -> NDArray[Any]:
     """Return a part of the volume with air around an object: zero is water in many scans."""
-    around = volume[(labels == 0) & np.isfinite(volume)]
-    # Of the lowest densities some may be of padding.
-    air = np.median(around) if around.size else np.nanmin(session.volume)
+    air = air_among(labels, volume)
+    air = np.nanmin(session.volume) if air is None else air
     return np.where(inside, volume, volume.dtype.type(air))
 
 
