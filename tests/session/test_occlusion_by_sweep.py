@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import cache
 
+import networkx as nx
 import numpy as np
 import pytest
 from sweep import free_by_sweep, met_on_the_way
 
 import napari_unpack as nu
+from napari_unpack.session.errors import NobodyFreeError
 from napari_unpack.session.session import Session
 from napari_unpack.unpacking import AXES
 
@@ -63,6 +66,49 @@ def test_free_is_what_a_sweep_of_the_voxels_says(name, least, record_property) -
     paper = agreement(directions[:: 1 if name == "axes" else 10], "first_hit")
     record_property("first_hit: right, wrong, missed", paper)
     assert paper[1] > 0
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_what_must_leave_before_an_object_is_what_a_sweep_of_the_voxels_says(seed) -> None:
+    (direction,) = oblique(40)[[30 + seed]]
+    labels, spacing = bag(seed).labels, bag(seed).spacing
+    swept: nx.DiGraph = nx.DiGraph()
+    swept.add_nodes_from(bag(seed).ids)
+    for i in bag(seed).ids:
+        met = met_on_the_way(labels, [i], direction, spacing)
+        swept.add_edges_from((other, i) for other in met)
+    # Each from the bag as it was found: what one question has learnt is not to help the next.
+    for i in bag(seed).ids:
+        session = nu.Session(bag(seed).volume, labels, spacing)
+        session.backend, session.direction = "cpu", tuple(direction)
+        wanted = nx.ancestors(swept, i) | {i}
+        assert set(session.reveal(i)) == wanted
+    # Chosen, they leave as well, and none of them may be left out.
+    session = nu.Session(bag(seed).volume, labels, spacing)
+    session.backend, session.direction = "cpu", tuple(direction)
+    session.max_group_size = COUNT
+    assert set(session.unpack(wanted)) == wanted
+
+
+def test_objects_leave_together_only_where_no_other_is_met_by_a_sliver() -> None:
+    # Rays a voxel apart pass 4 and 12 by, which hold members of a group of four.
+    rng = np.random.default_rng(34)
+    shape = tuple(int(n) for n in rng.integers(6, 16, 3))
+    places = rng.uniform(0, 1, (int(rng.integers(2, 14)), 3)) * shape
+    voxels = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), -1)
+    apart = (voxels[..., None, :] - places) ** 2 * rng.uniform(0.3, 3, places.shape)
+    far = apart.sum(-1)
+    labels = (far.argmin(-1) + 1).astype(np.uint16)
+    labels[np.sqrt(far.min(-1)) > rng.uniform(2, 5)] = 0
+    session = nu.Session(np.where(labels, 1000.0, 0).astype(np.float32), labels)
+    session.direction = (-0.22407185, 0.61454532, 0.75639002)
+    session.take_least_occluded, left = False, labels.copy()
+    with suppress(NobodyFreeError):
+        while (left > 0).any():
+            group = session.unpack(1)
+            assert met_on_the_way(left, group, session.unpack_direction) == set()
+            left[np.isin(left, group)] = 0
+    assert len(session.steps) > 0
 
 
 @pytest.mark.parametrize("seed", SEEDS)

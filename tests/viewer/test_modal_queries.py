@@ -8,7 +8,7 @@ import pytest
 from qtpy.QtWidgets import QApplication
 
 from manual_scheduler import ManualScheduler
-from napari_unpack.session import queries
+from napari_unpack.session import occlusion
 from napari_unpack.viewer.modal_queries import find_unpackable, run_to
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
@@ -25,13 +25,13 @@ def test_after_a_turn_an_object_leaves_before_the_whole_answer_is_there(
     staged, session, monkeypatch
 ) -> None:
     viewer, controller = staged
-    allowed, whole = Event(), queries.find_occlusion
+    allowed, whole = Event(), occlusion.find_occlusion
 
     def found(*arguments):
         assert allowed.wait(20)
         return whole(*arguments)
 
-    monkeypatch.setattr(queries, "find_occlusion", found)
+    monkeypatch.setattr(occlusion, "find_occlusion", found)
     turn(viewer, session)
     assert session.queries.occlusion_task() is not None
     left = controller.unpack(1)
@@ -57,14 +57,14 @@ def test_while_the_whole_answer_is_waited_for_that_is_said(
     controller, news = panel.workspace.controller, panel.unpack.sentence
     controller.recolor_at_rest = False
     assert controller.settle(60)
-    said, asked, whole = [], [], queries.find_occlusion
+    said, asked, whole = [], [], occlusion.find_occlusion
     controller.events.searching.connect(lambda searching: said.append((searching, news.text())))
 
     def found(*arguments):
         asked.append(list(said))
         return whole(*arguments)
 
-    monkeypatch.setattr(queries, "find_occlusion", found)
+    monkeypatch.setattr(occlusion, "find_occlusion", found)
     session.rule = "first_hit"
     controller.unpack(1)
     # Coming to rest may ask the same meanwhile.

@@ -100,7 +100,7 @@ def _worked(scan: ScanInput, place: Place, known: Mapping[str, str]) -> ScanResu
         smallest=settings.smallest,
         grainy=settings.grainy,
     )
-    session.queries.occlusion()
+    session.queries.occlusion(sure=session.queries.packed)
     blockers = session.queries.blockers()
     _plan(session)
     with folder_written_atomically(target, lambda there: (there / DONE).is_file()) as temporary:

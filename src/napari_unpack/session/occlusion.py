@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import chain
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +16,13 @@ from napari_unpack.geometry.boxes import LabelBoxes, box_corners
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.geometry.view import Camera
 from napari_unpack.session.ray_queries import Mask, RayQueries, Size
+from napari_unpack.tasks import Progress, Task
 from napari_unpack.unpacking import BlockingGraph, ratios, unpackable_ids
-from napari_unpack.unpacking.blocking_graph import blocking_graph, leading_groups
+from napari_unpack.unpacking.blocking_graph import blocking_graph, leading_groups, reveal
 from napari_unpack.unpacking.occlusion import Rule
+
+if TYPE_CHECKING:
+    from napari_unpack.session.labels import LabelData
 
 Group = tuple[int, ...]
 
@@ -121,6 +127,53 @@ class OcclusionResult:
         blockers = self.blocking.graph.predecessors
         return any(not gone.isdisjoint(blockers(i)) for i in self.held & packed)
 
+    def is_swept(self, ids: Iterable[int], packed: frozenset[int]) -> bool:
+        """Tell whether the voxels say all that must leave before some objects.
+
+        Parameters
+        ----------
+        ids : iterable of int
+            Packed ones.
+        packed : frozenset of int
+            Objects in the bag now, of those that were.
+        """
+        if self.blocking is None or not self.held:
+            return True
+        graph = self.blocking.among(packed).graph
+        return all(self.held.isdisjoint(reveal(graph, i)) for i in ids)
+
+    def swept(
+        self, ids: Iterable[int], packed: frozenset[int], blockers: Callable[[int], frozenset[int]]
+    ) -> OcclusionResult:
+        """Return the result in which the voxels say all that must leave before some objects.
+
+        Parameters
+        ----------
+        ids, packed
+            As for `is_swept`.
+        blockers : callable
+            Moves an object; returns who of those that were in the bag it meets.
+
+        Notes
+        -----
+        From each object to those in its way and to those in theirs: nobody else is moved.
+        """
+        if self.blocking is None or not self.held:
+            return self
+        graph, held = self.blocking.graph.copy(), set(self.held)
+        seen = set(ids)
+        left = sorted(seen)
+        while left:
+            one = left.pop()
+            if one in held:
+                held.remove(one)
+                graph.remove_edges_from(list(graph.in_edges(one)))
+                graph.add_edges_from((other, one) for other in blockers(one))
+            fresh = packed.intersection(graph.predecessors(one)) - seen
+            seen |= fresh
+            left += fresh
+        return replace(self, blocking=BlockingGraph(graph), held=frozenset(held))
+
     def groups(self, packed: frozenset[int], max_group_size: int) -> list[Group]:
         """Return what can leave: single objects, and interlocked groups.
 
@@ -141,8 +194,71 @@ class OcclusionResult:
         return min(packed, key=lambda i: (self.first_hit.get(i, 0.0), i))
 
 
+@dataclass(frozen=True, eq=False)
+class OcclusionInputs:
+    """What rays are cast at and voxels moved in, as they are at one moment.
+
+    Parameters
+    ----------
+    rays : RayQueries
+    label_data : LabelData
+    lower, upper : (3,) ndarray of float64
+        Corners of the bag, mm z y x.
+    pitch : float
+        Between rays, mm.
+    user : Camera
+        See `view_along`.
+    backend : {"auto", "cpu", "gl"}
+    """
+
+    rays: RayQueries
+    label_data: LabelData
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    pitch: float
+    user: Camera
+    backend: str
+
+    def task(
+        self, key: OcclusionKey, known: OcclusionResult | None, sure: Iterable[int]
+    ) -> Task[OcclusionResult]:
+        """Return the task of what can leave along D.
+
+        Parameters
+        ----------
+        key : OcclusionKey
+        known : OcclusionResult, optional
+            For as many or more packed objects: no rays are cast then.
+        sure : iterable of int
+            Packed objects of which the voxels are to say all that must leave before them.
+        """
+        wanted = tuple(sure)
+        # Of more objects, it may not stand under the key of fewer: it would pass for asked afresh.
+        own = key if known is None else replace(key, packed=known.packed)
+        visible, boxes = self.label_data.visible(own.packed), self.label_data.boxes
+
+        def run(_: Progress) -> OcclusionResult:
+            found = known
+            if found is None:
+                camera, size = view_along(
+                    np.array(own.direction), self.lower, self.upper, self.pitch, self.user
+                )
+                found = find_occlusion(own, self.rays, boxes, camera, size, visible, self.backend)
+            if found.is_swept(wanted, key.packed):
+                return found
+            return found.swept(wanted, key.packed, _sweeping(own, self.rays, boxes, visible))
+
+        return Task(own, run)
+
+
 def find_occlusion(
-    key: OcclusionKey, rays: RayQueries, camera: Camera, size: Size, visible: Mask, backend: str
+    key: OcclusionKey,
+    rays: RayQueries,
+    boxes: LabelBoxes,
+    camera: Camera,
+    size: Size,
+    visible: Mask,
+    backend: str,
 ) -> OcclusionResult:
     """Find what can leave along D (Li et al. 2012, section 5.1); runs on any thread.
 
@@ -150,6 +266,7 @@ def find_occlusion(
     ----------
     key : OcclusionKey
     rays : RayQueries
+    boxes : LabelBoxes
     camera : Camera
         From `view_along`, with `size`.
     size : (int, int)
@@ -163,7 +280,9 @@ def find_occlusion(
     Rays rank the objects and tell what is unpackable within the tolerance. What blocks what is
     what the voxels themselves meet on their way, where that can be had: off the axes rays find
     things that merely touch to be held by the corners of each other's voxels. What is held by
-    more than a few corners need not be moved: there the rays' table serves.
+    more than a few corners need not be moved to tell that it stays: there the rays' table serves,
+    until it is asked what else must leave (`OcclusionResult.swept`). Rays also miss what is met
+    by a sliver, so that all members of a group that is to leave are moved.
     """
     start = perf_counter()
     direction = np.array(key.direction)
@@ -183,9 +302,32 @@ def find_occlusion(
     if blocking is not None:
         # Counts have no rows for them, and a graph of all that is packed is asked about them.
         blocking.graph.add_nodes_from(unseen)
-    seconds = perf_counter() - start
-    first_hit = ratios(counts)
-    return OcclusionResult(direction, key.packed, unpackable, blocking, first_hit, seconds, held)
+    found = OcclusionResult(
+        direction, key.packed, unpackable, blocking, ratios(counts), 0.0, held - unpackable
+    )
+    if found.held:
+        found = _with_groups_swept(found, _sweeping(key, rays, boxes, visible))
+    return replace(found, seconds=perf_counter() - start)
+
+
+def _sweeping(
+    key: OcclusionKey, rays: RayQueries, boxes: LabelBoxes, visible: Mask
+) -> Callable[[int], frozenset[int]]:
+    """Return what moves an object along D and returns whom it meets."""
+    blockers = rays.sweep_test(np.array(key.direction), visible)
+    return lambda i: blockers(i, boxes.slices(i), len(key.packed))
+
+
+def _with_groups_swept(
+    found: OcclusionResult, blockers: Callable[[int], frozenset[int]]
+) -> OcclusionResult:
+    while found.blocking is not None:
+        groups = found.blocking.unpackable_groups()
+        unsure = found.held.intersection(chain(*groups))
+        if not unsure:
+            break
+        found = found.swept(unsure, found.packed, blockers)
+    return found
 
 
 def _swept_table(

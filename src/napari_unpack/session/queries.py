@@ -42,10 +42,10 @@ from napari_unpack.session.object_state import ObjectState
 from napari_unpack.session.occlusion import (
     NextUnpackable,
     NextUnpackableKey,
+    OcclusionInputs,
     OcclusionKey,
     OcclusionResult,
     find_next_unpackable,
-    find_occlusion,
     in_turn,
     view_along,
 )
@@ -160,6 +160,7 @@ class Queries:
         packed: frozenset[int] | None = None,
         afresh: bool = False,
         finer: bool = True,
+        sure: Iterable[int] = (),
     ) -> OcclusionResult:
         """Return what can leave, and what blocks what; casts rays where that is not known.
 
@@ -171,28 +172,35 @@ class Queries:
             By default what is packed now.
         afresh, finer : bool
             A result for more packed objects does not do; finer: not unless it would be found again.
+        sure : iterable of int
+            Packed objects of which the voxels are to say all that must leave before them.
         """
         key = self._occlusion_key(direction, packed)
         known = None if afresh else self._known_occlusion(key, finer)
         known = known or self._cache.find(key, OcclusionKey.equals)
-        if known is None:
-            known = self._find_occlusion()(key)
-            self._keep(key, known)
-        return known  # type: ignore[no-any-return]
+        if known is None or not known.is_swept(sure, key.packed):
+            task = self._occlusion_inputs().task(key, known, sure)
+            known = task.run(no_progress)
+            self._keep(task.key, known)
+        return known
 
-    def occlusion_task(self, finer: bool = False) -> Task[OcclusionResult] | None:
+    def occlusion_task(
+        self, finer: bool = False, sure: Iterable[int] = ()
+    ) -> Task[OcclusionResult] | None:
         """Return the task of `occlusion`; None where that is known.
 
         Parameters
         ----------
         finer : bool
             What was found for more packed objects does only where it would be found again.
+        sure : iterable of int
+            As for `occlusion`.
         """
         key = self._occlusion_key()
-        if not key.packed or self._known_occlusion(key, finer) is not None:
+        known = self._known_occlusion(key, finer)
+        if not key.packed or (known is not None and known.is_swept(sure, key.packed)):
             return None
-        find = self._find_occlusion()
-        return Task(key, lambda _: find(key))
+        return self._occlusion_inputs().task(key, known, sure)
 
     def _known_occlusion(
         self, key: OcclusionKey | None = None, finer: bool = False
@@ -211,19 +219,13 @@ class Queries:
         rules, revision = session.rules, session.label_data.revision
         return OcclusionKey(revision, (z, y, x), rules.rule, rules.tolerance, packed)
 
-    def _find_occlusion(self) -> Callable[[OcclusionKey], OcclusionResult]:
-        """Return what casts the rays for a key of now; its inputs are frozen."""
+    def _occlusion_inputs(self) -> OcclusionInputs:
         session = self._session
-        # Read now and not in `find`, which runs on another thread, perhaps after an edit.
-        bag, pitch, backend = session.bag, float(session.spacing.min()), session.backend
-        data, rays, user = session.label_data, session.ray_queries, session.view_state.camera
-
-        def find(key: OcclusionKey) -> OcclusionResult:
-            direction = np.array(key.direction)
-            camera, size = view_along(direction, bag.lower, bag.upper, pitch, user)
-            return find_occlusion(key, rays, camera, size, data.visible(key.packed), backend)
-
-        return find
+        lower, upper, pitch = session.bag.lower, session.bag.upper, float(session.spacing.min())
+        user, backend = session.view_state.camera, session.backend
+        return OcclusionInputs(
+            session.ray_queries, session.label_data, lower, upper, pitch, user, backend
+        )
 
     def next_unpackable_task(
         self,
@@ -396,7 +398,7 @@ class Queries:
         quick = self._known_next(wanted, len(wanted), packed)
         if quick is not None:
             return self._plan(quick.groups, self.direction, quick, state)
-        known = self.occlusion(packed=packed)
+        known = self.occlusion(packed=packed, sure=wanted)
         if known.blocking is None:
             groups = in_turn(ids, packed, lambda left: self.occlusion(packed=left).unpackable)
             blocked = wanted.difference(*groups)
@@ -444,7 +446,7 @@ class Queries:
             If it is not known what blocks what.
         """
         packed = self.packed
-        known = self.occlusion(direction)
+        known = self.occlusion(direction, sure=(object_id,))
         if known.blocking is None:
             raise NoTableError.of(len(packed))
         graph = known.blocking.among(packed)
@@ -572,15 +574,13 @@ class Queries:
             return None
         survey_key, known = self._survey_key(), self._known_survey()
         find = partial(find_survey, survey_key, self._survey_counts(survey_key))
-        look = self._find_occlusion()
+        inputs = self._occlusion_inputs()
 
         def looked(direction: Vector) -> tuple[OcclusionKey, OcclusionResult]:
             z, y, x = (float(v) for v in direction)
             wanted = replace(key.near, direction=(z, y, x))
-            found = self._known_occlusion(wanted, finer=True)
-            if found is None:
-                return wanted, look(wanted)
-            # It may be of more objects: under the key of fewer it would pass for asked afresh.
+            before = self._known_occlusion(wanted, finer=True)
+            found = inputs.task(wanted, before, (object_id,)).run(no_progress)
             return replace(wanted, packed=found.packed), found
 
         def run(progress: Progress) -> RevealResult:

@@ -69,8 +69,10 @@ def _find(
         if queries.store(quick, found):
             return
     # The queue is conservative until nothing moves; one who chooses is told what holds now.
-    chosen = n_or_ids is not None and not isinstance(n_or_ids, int)
-    if queries.occlusion_task(finer=chosen) is None:
+    chosen: frozenset[int] = frozenset()
+    if n_or_ids is not None and not isinstance(n_or_ids, int):
+        chosen = queries.packed.intersection(n_or_ids)
+    if queries.occlusion_task(finer=bool(chosen), sure=chosen) is None:
         return
     searching(True)
     try:
@@ -82,7 +84,7 @@ def _find(
                 return
         # What was asked when nothing moved may be the same.
         scheduler.wait(OCCLUSION)
-        occlusion = queries.occlusion_task(finer=chosen)
+        occlusion = queries.occlusion_task(finer=bool(chosen), sure=chosen)
         if occlusion is not None:
             queries.store(occlusion, scheduler.run_modal(occlusion, Worker.QUERY, OCCLUSION))
     finally:
