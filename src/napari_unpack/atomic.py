@@ -59,6 +59,8 @@ def check_writable(path: str | Path) -> None:
         If the folder does not exist.
     PermissionError
         If the file is read-only, or its folder takes no files.
+    ValueError
+        If a pipe or a device is there.
     """
     target = _followed(path)
     _check_mode(target)
@@ -119,6 +121,8 @@ def written_atomically(
         If the folder does not exist.
     PermissionError
         If the file that is there is read-only.
+    ValueError
+        If a pipe or a device is there.
     OSError
         If the disk is full or refuses.
     """
@@ -332,6 +336,9 @@ def _check_mode(target: Path) -> None:
     if not target.exists():
         return
     mode = target.stat().st_mode
+    # A rename would put a file in its place, for every program on the machine.
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise ValueError(f"{target} is a pipe or a device: choose the name of a file")
     if not os.access(target, os.W_OK) or (target.is_file() and not mode & 0o222):
         raise PermissionError(
             f"{target} is read-only{_of_another(target)}: choose another name, or make it writable"

@@ -7,7 +7,9 @@ import pytest
 
 import napari_unpack as nu
 from napari_unpack.io.answers import answers_from, answers_record, save_answers
+from napari_unpack.io.headless import snapshot
 from napari_unpack.io.json_fields import Fields
+from napari_unpack.io.recovery import UnsavedCopy
 from napari_unpack.segmentation.review.evidence import Evidence
 
 
@@ -40,6 +42,17 @@ def test_a_review_goes_on_in_a_reopened_session(tmp_path) -> None:
     asked = [s.review.doubts_task().run(lambda *_: None) for s in (session, again)]
     assert [d.pieces for d in asked[0]] == [d.pieces for d in asked[1]]
     assert np.array_equal(again.labels, session.labels)
+
+
+def test_a_review_goes_on_after_a_crash(tmp_path) -> None:
+    session, kept = reviewed(), UnsavedCopy(tmp_path)
+    kept.keep(snapshot(session), "bag", None, lambda done: None)
+    (folder,) = tmp_path.glob("*/*/session.json")
+    again = nu.open_session(folder.parent)
+    asked = [s.review.doubts_task().run(lambda *_: None) for s in (session, again)]
+    assert [d.pieces for d in asked[0]] == [d.pieces for d in asked[1]]
+    assert again.review.answers == session.review.answers
+    kept.close()
 
 
 def test_an_answer_and_its_repair_are_one_step_of_undo() -> None:

@@ -114,6 +114,17 @@ def test_a_read_only_file_is_not_replaced(tmp_path: Path) -> None:
     assert path.read_text() == "old"
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="named pipes are of Unix")
+def test_a_pipe_or_a_device_is_not_replaced(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe.csv"
+    os.mkfifo(pipe)
+    for write in (lambda: check_writable(pipe), lambda: save(pipe, "new")):
+        with pytest.raises(ValueError, match=r"pipe\.csv is a pipe or a device: choose the name"):
+            write()
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+    assert list(tmp_path.iterdir()) == [pipe]
+
+
 def test_a_folder_that_is_missing_or_full_is_told_before_the_work(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match="no folder"):
         check_writable(tmp_path / "none" / "a.npz")
@@ -198,7 +209,8 @@ def test_what_a_writer_loses_without_a_word_is_read_back_and_missed(
         write_image(sitk.GetImageFromArray(less(sitk.GetArrayFromImage(found))), *given, **options)
 
     def tiff(file: Any, array: np.ndarray, **options: Any) -> None:
-        write_tiff(file, less(array), **options)
+        # Its axes are t, z, c, y, x and samples.
+        write_tiff(file, less(array[0, :, 0, ..., 0])[None, :, None, ..., None], **options)
 
     monkeypatch.setattr(sitk, "WriteImage", image)
     monkeypatch.setattr(tifffile, "imwrite", tiff)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import pytest
 
 from napari_unpack.appearance import Decorations
+from napari_unpack.widgets import background_options
 from napari_unpack.widgets.background_options import DARK, NAPARIS, BackgroundOptions
 from napari_unpack.widgets.commands import Commands
+from napari_unpack.widgets.preferences import Preferences
 from napari_unpack.widgets.workspace import Workspace
 
 
@@ -44,8 +46,6 @@ def test_choices_become_the_sessions_decorations(workspace, options, session) ->
 def test_a_colour_dialog_that_is_left_changes_nothing(options, session, monkeypatch) -> None:
     from qtpy.QtGui import QColor
 
-    from napari_unpack.widgets import background_options
-
     monkeypatch.setattr(background_options.QColorDialog, "getColor", lambda *_: QColor())
     options.background.setCurrentText(background_options.COLOR)
     options.choose(background_options.COLOR)
@@ -63,3 +63,21 @@ def test_a_sessions_own_decorations_are_shown(workspace, options, session) -> No
     assert options.background.currentText() == "Daylight, a gradient"
     assert options.box.isChecked()
     assert not options.scale.isChecked()
+
+
+def test_names_follow_the_preference_where_it_was_changed_and_else_the_box(
+    workspace, options, session, monkeypatch
+) -> None:
+    stored = Preferences()
+    monkeypatch.setattr(background_options, "preferences", lambda: stored)
+    options.names.setChecked(True)
+    workspace.close()
+    workspace.open(session)
+    assert workspace.controller.names.shown
+    # In napari's preferences, while the panel is open.
+    options.names.setChecked(False)
+    stored = Preferences(names=True)
+    workspace.close()
+    workspace.open(session)
+    assert options.names.isChecked()
+    assert workspace.controller.names.shown

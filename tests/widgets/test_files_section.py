@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from threading import Event
 from types import SimpleNamespace
 from typing import Any
 
@@ -24,8 +25,8 @@ from napari_unpack.io.headless import copy_session
 from napari_unpack.session.framing import contained, fitted
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.contributions import get_session_reader, open_dropped
-from napari_unpack.widgets.file_names import bag_name
-from napari_unpack.widgets.files_section import EXPORTS, with_suffix
+from napari_unpack.widgets.file_names import bag_name, with_suffix
+from napari_unpack.widgets.files_section import EXPORTS
 from napari_unpack.widgets.object_columns import Column
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import RADIUS, add_bag, controller_with, pile_of_balls, press, rest, states
@@ -372,6 +373,92 @@ def test_suffixes_are_added_where_they_are_missing() -> None:
     assert with_suffix("/a/bag", ".unpack") == Path("/a/bag.unpack")
     assert with_suffix("/a/bag.v2", ".unpack") == Path("/a/bag.v2.unpack")
     assert with_suffix("/a/film.GIF", ".mp4", ".gif") == Path("/a/film.GIF")
+
+
+def test_a_name_completed_to_that_of_a_file_is_asked_about(
+    staged: UnpackingWidget, qtbot: QtBot, tmp_path: Path, monkeypatch: Any
+) -> None:
+    (tmp_path / "bag.unpack").write_text("of last year")
+    (tmp_path / "table.csv").write_text("of last year")
+    written, proposed, asked = ["bag", "other", "table", "bag.unpack"], [], []
+
+    def chosen(_parent: Any, _title: str, path: str, _kinds: str) -> tuple[str, str]:
+        proposed.append(Path(path).name)
+        return str(tmp_path / written.pop(0)), ""
+
+    def question(_parent: Any, _title: str, text: str) -> QMessageBox.StandardButton:
+        asked.append(text)
+        kinds = QMessageBox.StandardButton
+        return kinds.Yes if "table" in text else kinds.No
+
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", chosen)
+    monkeypatch.setattr(QMessageBox, "question", question)
+    press(qtbot, staged.files.save)
+    done(staged, qtbot)
+    # Asked once more for a name, beginning with the one that was not to be replaced.
+    assert proposed == ["bag.unpack", "bag.unpack"]
+    assert (tmp_path / "bag.unpack").read_text() == "of last year"
+    assert (tmp_path / "other.unpack").is_file()
+    (table,) = [a for a in staged.files.menu.actions() if a.text() == "Table…"]
+    table.trigger()
+    done(staged, qtbot)
+    assert (tmp_path / "table.csv").read_text() != "of last year"
+    assert [text.split(" is ")[0] for text in asked] == ["bag.unpack", "table.csv"]
+    # The dialog itself has asked about a name that was written whole.
+    press(qtbot, staged.files.save)
+    done(staged, qtbot)
+    assert len(asked) == 2
+    assert len(nu.open_session(tmp_path / "bag.unpack").ids) == 6
+
+
+@pytest.mark.parametrize("name", ["work.zip", "folder"])
+def test_an_opened_session_is_saved_where_it_is_proposed(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot, tmp_path: Path, monkeypatch: Any, name: str
+) -> None:
+    panel.files.open_from(nu.save_session(nu.Session(*pile_of_balls()), tmp_path / name))
+    done(panel, qtbot)
+    panel.workspace.session.rename(1, "a knife")
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *given: (given[2], ""))
+    press(qtbot, panel.files.save)
+    done(panel, qtbot)
+    saved = tmp_path / ("folder.unpack" if name == "folder" else name)
+    assert nu.open_session(saved).objects["name"][1] == "a knife"
+    assert {path.name for path in tmp_path.iterdir()} == {name, saved.name}
+
+
+def test_what_is_written_is_of_the_moment_it_was_asked_for(
+    staged: UnpackingWidget, qtbot: QtBot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from napari_unpack.io import sessions, surfaces
+
+    session, changed = staged.workspace.session, Event()
+    told, meshed = sessions.manifest_of, surfaces.object_surface
+
+    def late(*given: Any) -> Any:
+        assert changed.wait(20)
+        return told(*given)
+
+    def late_surface(*given: Any) -> Any:
+        assert changed.wait(20)
+        return meshed(*given)
+
+    monkeypatch.setattr(sessions, "manifest_of", late)
+    monkeypatch.setattr(surfaces, "object_surface", late_surface)
+    staged.files.save_to(tmp_path / "bag.unpack")
+    session.delete([6])
+    changed.set()
+    done(staged, qtbot)
+    assert nu.open_session(tmp_path / "bag.unpack").ids == (1, 2, 3, 4, 5, 6)
+    assert staged.unsaved.changed
+    changed.clear()
+    (kind,) = [kind for kind in EXPORTS if kind.title == "Surfaces of all objects"]
+    staged.files.export_to(kind, tmp_path / "bag.obj")
+    session.delete([5])
+    changed.set()
+    done(staged, qtbot)
+    assert staged.files.status == "bag.obj written"
+    bodies = [s for s in (tmp_path / "bag.obj").read_text().splitlines() if s.startswith("o ")]
+    assert len(bodies) == 5
 
 
 def test_a_session_opens_where_its_layers_stood(

@@ -18,6 +18,8 @@ from qtpy.QtCore import Qt
 
 from napari_unpack.io import recovery as copies
 from napari_unpack.io.recovery import leftovers, recovery_folder
+from napari_unpack.widgets import recovery
+from napari_unpack.widgets.preferences import Preferences
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import add_bag, controller_with, open_panel, press, rest, states
 
@@ -120,6 +122,21 @@ def test_a_full_disk_is_told_once_and_stops_nothing(
     (said,) = [one.message for one in notification_manager.records[before:]]
     assert "The disk is nearly full." in said
     assert panel.workspace.session.step == 2
+
+
+def test_nothing_of_the_scan_stays_on_disk_once_keeping_is_switched_off(
+    worked: UnpackingWidget, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    panel, stored = worked, Preferences()
+    monkeypatch.setattr(recovery, "preferences", lambda: stored)
+    press(qtbot, panel.unpack.next)
+    qtbot.waitUntil(lambda: out_on_disk() == 1, timeout=10000)
+    stored = Preferences(keep_unsaved=False)
+    press(qtbot, panel.unpack.next)
+    qtbot.waitUntil(lambda: not list(recovery_folder().glob("*/*/*")), timeout=10000)
+    stored = Preferences()
+    press(qtbot, panel.unpack.next)
+    qtbot.waitUntil(lambda: out_on_disk() == 3, timeout=10000)
 
 
 @pytest.mark.parametrize("discarded", [True, False])

@@ -69,6 +69,17 @@ def test_nothing_is_asked_where_nothing_was_done(
     assert len(viewer.layers) == 2
 
 
+def test_another_unit_of_length_is_work(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> None:
+    _, expert = add_bag(viewer)
+    controller_with(panel, qtbot, expert)
+    assert not panel.unsaved.changed
+    # Exported surfaces are as large as it says.
+    panel.workspace.session.length_unit = "µm"
+    assert panel.unsaved.changed
+    panel.workspace.session.length_unit = "mm"
+    assert not panel.unsaved.changed
+
+
 @pytest.mark.parametrize("backend", ["cpu", "gl"])
 def test_layers_deleted_in_naparis_list_are_asked_for_and_cancel_leaves_all_as_it_was(
     viewer: Any, worked: UnpackingWidget, qtbot: QtBot, backend: str

@@ -13,6 +13,8 @@ from napari_unpack.tasks import Progress
 if TYPE_CHECKING:
     from napari_unpack.appearance import Decorations
     from napari_unpack.session import Session
+    from napari_unpack.session.labels import LabelData
+    from napari_unpack.session.state import SessionState, UnpackingRules, ViewState
 
 
 def open_scan(
@@ -96,7 +98,7 @@ def frame_bag(session: Session, size: tuple[int, int]) -> Camera:
 
 
 def copy_session(session: Session, packed: bool = True) -> Session:
-    """Return another session on the same bag.
+    """Return another session on the same bag, with nothing inspected.
 
     Parameters
     ----------
@@ -106,19 +108,27 @@ def copy_session(session: Session, packed: bool = True) -> Session:
         With everything packed, where `Session.go_to` repeats what is out step by step; False
         takes over what is unpacked and how it is turned as well.
     """
-    from napari_unpack.session import ObjectState, Session
-    from napari_unpack.session.commands import go_to, inspect
+    from napari_unpack.session.commands import inspect
+
+    if not packed:
+        return _taken_over(session, inspect(session.state, None))
+
+    from napari_unpack.session import ObjectState
+    from napari_unpack.session.commands import go_to
     from napari_unpack.session.state import SessionState, ViewState
 
-    now, view, data = session.state, session.view_state, session.label_data
-    if packed:
-        # What was hidden stays out of the movie; the rest goes back into the bag.
-        hidden = frozenset(i for i, s in session.states.items() if s is ObjectState.HIDDEN)
-        steps = (
-            {i: p.without(hidden) for i, p in gone.items() if i not in hidden}
-            for gone in go_to(now, 0).undone
-        )
-        now = SessionState(
+    now, view = session.state, session.view_state
+    # What was hidden stays out of the movie; the rest goes back into the bag.
+    hidden = frozenset(i for i, s in session.states.items() if s is ObjectState.HIDDEN)
+    steps = (
+        {i: p.without(hidden) for i, p in gone.items() if i not in hidden}
+        for gone in go_to(now, 0).undone
+    )
+    return _of_parts(
+        session,
+        # Names of now; no trace of edits, as the copy has nothing to undo.
+        replace(session.label_data, facts=session.objects, edit=None, previous=None),
+        SessionState(
             now.transfer_function,
             now.hues,
             hidden=hidden,
@@ -127,10 +137,8 @@ def copy_session(session: Session, packed: bool = True) -> Session:
             colors=now.colors,
             measurements=now.measurements,
             undone=tuple(filter(None, steps)),
-        )
-        # Names of now; no trace of edits, as the copy has nothing to undo.
-        data = replace(data, facts=session.objects, edit=None, previous=None)
-        view = ViewState(
+        ),
+        ViewState(
             view.view,
             view.camera,
             clipping=view.clipping,
@@ -139,24 +147,51 @@ def copy_session(session: Session, packed: bool = True) -> Session:
             show_unlabelled=view.show_unlabelled,
             up=view.up,
             recolored=True,
-        )
-    # A movie shall end with the bag empty: interlocked objects may not stop it.
-    rules = replace(session.rules, take_least_occluded=True) if packed else session.rules
-    other = Session.of_parts(
-        # Arrays and ray queries are shared: a copy costs no memory, and its rays are ready.
-        session.volume,
-        session.spacing,
-        data,
-        inspect(now, None),
-        view,
-        rules,
-        session.ray_queries,
+        ),
+        # A movie shall end with the bag empty: interlocked objects may not stop it.
+        replace(session.rules, take_least_occluded=True),
     )
-    other.seconds = other.seconds if packed else session.seconds
+
+
+def snapshot(session: Session) -> Session:
+    """Return a session as it is now, with nothing to undo.
+
+    For work on another thread, which must not see half of what a person changes meanwhile.
+
+    Parameters
+    ----------
+    session : Session
+        Its arrays are shared.
+    """
+    return _taken_over(session, session.state)
+
+
+def _taken_over(session: Session, state: SessionState) -> Session:
+    """Return a session's copy in another state, with its log and what was done in containers."""
+    other = _of_parts(session, session.label_data, state, session.view_state, session.rules)
+    other.seconds, other.review.evidence = session.seconds, session.review.evidence
+    other.log.extend(session.log)
+    for object_id, bag in session.opened_bags.worked_in(session).items():
+        other.opened_bags.restore(other, object_id, snapshot(bag))
+    return other
+
+
+def _of_parts(
+    session: Session,
+    data: LabelData,
+    state: SessionState,
+    view: ViewState,
+    rules: UnpackingRules,
+) -> Session:
+    """Return a session of the same scan, drawn and measured like it."""
+    from napari_unpack.session import Session
+
+    # Arrays and ray queries are shared: a copy costs no memory, and its rays are ready.
+    other = Session.of_parts(
+        session.volume, session.spacing, data, state, view, rules, session.ray_queries
+    )
     other.backend, other.scanner_from_scan = session.backend, session.scanner_from_scan
     other.assumed, other.first_voxel_mm = session.assumed, session.first_voxel_mm
-    for object_id, bag in {} if packed else session.opened_bags.worked_in(session).items():
-        other.opened_bags.restore(other, object_id, copy_session(bag, packed=False))
     return other
 
 

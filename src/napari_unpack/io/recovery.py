@@ -128,6 +128,12 @@ class UnsavedCopy:
             if folder is not None and not _sessions(folder):
                 _removed(folder)
 
+    def discard(self) -> None:
+        """Keep nothing at all: neither what could be recovered nor arrays."""
+        with self._turn:
+            self.forget()
+            self.close()
+
     @property
     def _latest(self) -> Path:
         assert self._folder is not None, "there is a folder"

@@ -587,7 +587,8 @@ def work_of(session: Session) -> object:
         del state[by_itself]
     ground, image = view.decorations.background, view.decorations.background.image
     shown = (view.tint_mode, view.show_unlabelled, view.locked_hues, view.hue_margin)
-    around = (ground.name, ground.colors, view.decorations.box, view.decorations.scale)
+    drawn = view.decorations
+    around = (ground.name, ground.colors, drawn.box, drawn.scale, drawn.unit)
     # The edit itself: a stroke may leave all that is written of the objects as it was.
     edit = session.state.labels_edit
     picture = None if image is None else id(image)

@@ -61,7 +61,8 @@ class BackgroundOptions(Collapsible):
         self.contents.addLayout(form(Background=self.background))
         self.names = Check("Names")
         self.names.setToolTip("Write the names of unpacked objects beside them (T).")
-        self.names.setChecked(preferences().names)
+        self._preferred = preferences().names
+        self.names.setChecked(self._preferred)
         self.contents.addWidget(row(self.box, self.scale, self.names))
         self._chosen: Background | Path | str = NAMED[DARK]
         self._before = DARK
@@ -110,6 +111,12 @@ class BackgroundOptions(Collapsible):
         session, controller = self._workspace.session, self._workspace.controller
         if session is None or controller is None:
             return
+        preferred = preferences().names
+        # Only a preference that was changed meanwhile wins over what was chosen here.
+        if preferred != self._preferred:
+            self._preferred = preferred
+            with QSignalBlocker(self.names):
+                self.names.setChecked(preferred)
         controller.names.shown = self.names.isChecked()
         around = session.decorations
         self._chosen = background = around.background

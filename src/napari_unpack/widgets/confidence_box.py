@@ -13,6 +13,7 @@ from qtpy.QtWidgets import QFileDialog
 from napari_unpack.tasks import Progress, Share, TaskResult
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.commands import Commands
+from napari_unpack.widgets.file_names import ask_where_to_write
 from napari_unpack.widgets.section import Collapsible, button, label, row
 from napari_unpack.widgets.task_progress import TaskProgress
 from napari_unpack.widgets.workspace import Workspace
@@ -120,10 +121,10 @@ class ConfidenceBox(Collapsible):
         self.refresh()
 
     def _ask_where_to_save(self) -> None:
-        path, _ = QFileDialog.getSaveFileName(self, "Train on the examples", "oracle.npz", FILES)
-        if path:
-            # Some file dialogs add no suffix.
-            self.train_to(path if path.endswith(".npz") else f"{path}.npz")
+        title = "Train on the examples"
+        answer = ask_where_to_write(self, title, "oracle.npz", FILES, (".npz",))
+        if answer is not None:
+            self.train_to(str(answer[0]))
 
     def _ask_what_to_load(self) -> None:
         path, _ = QFileDialog.getOpenFileName(self, "Load a model", "", FILES)

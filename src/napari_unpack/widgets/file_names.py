@@ -1,4 +1,4 @@
-"""The names and folders that file dialogs propose."""
+"""The names and folders that file dialogs propose, and the file that a person chose to write."""
 
 from __future__ import annotations
 
@@ -14,11 +14,14 @@ from napari.utils.history import (
     update_open_history,
     update_save_history,
 )
+from qtpy.QtWidgets import QFileDialog, QMessageBox
 
+from napari_unpack.io.session_archive import ZIP_SUFFIXES
 from napari_unpack.io.volumes import stem_of
 
 if TYPE_CHECKING:
     from napari.layers import Layer
+    from qtpy.QtWidgets import QWidget
 
     from napari_unpack.session import Session
 
@@ -57,7 +60,10 @@ class FileNames:
             What it is of.
         """
         known = self._files.get(session)
-        return self.to_write(sources, "", ".unpack") if known is None else str(known)
+        if known is None:
+            return self.to_write(sources, "", ZIP_SUFFIXES[0])
+        # One in a folder goes on as a file beside it.
+        return str(with_suffix(str(known), *ZIP_SUFFIXES))
 
     def saved(self, session: Session, path: Path) -> None:
         """Take note of the file a session was saved to.
@@ -104,3 +110,54 @@ def bag_name(sources: Sequence[Layer]) -> str:
     if last is not first and str(last.name).startswith(f"{first.name} ("):
         name = str(last.name).removesuffix(" objects")
     return " ".join(FORBIDDEN.sub(" ", name).split()).strip(".") or "bag"
+
+
+def ask_where_to_write(
+    parent: QWidget, title: str, proposed: str, kinds: str, suffixes: Sequence[str]
+) -> tuple[Path, str] | None:
+    """Ask for a file to write.
+
+    Parameters
+    ----------
+    parent : QWidget
+    title : str
+    proposed : str
+        The name, with its folder, that is there at first.
+    kinds : str
+        The filters of the dialog, ";;" between them.
+    suffixes : sequence of str
+        Of which its name has one, the first if a person writes none.
+
+    Returns
+    -------
+    (Path, str) or None
+        The file, and the filter that was chosen; None where the answer is Cancel.
+    """
+    while True:
+        chosen, kind = QFileDialog.getSaveFileName(parent, title, proposed, kinds)
+        if not chosen:
+            return None
+        path = with_suffix(chosen, *suffixes)
+        # The dialog has asked about the name as it was written, not as it is completed.
+        if path == Path(chosen) or not path.exists() or _may_replace(parent, title, path):
+            return path, kind
+        proposed = str(path)
+
+
+def _may_replace(parent: QWidget, title: str, path: Path) -> bool:
+    answer = QMessageBox.question(
+        parent, title, f"{path.name} is there already.\nDo you want to replace it?"
+    )
+    return answer == QMessageBox.StandardButton.Yes
+
+
+def with_suffix(path: str, *suffixes: str) -> Path:
+    """Return a path, with the first of the suffixes where it has none of them.
+
+    Parameters
+    ----------
+    path : str
+    *suffixes : str
+    """
+    found = Path(path)
+    return found if found.suffix.lower() in suffixes else found.with_name(found.name + suffixes[0])

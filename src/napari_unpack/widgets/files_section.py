@@ -12,11 +12,12 @@ from napari.layers import Labels
 from qtpy.QtWidgets import QFileDialog, QMenu, QSpinBox
 
 from napari_unpack.file_sizes import TooLargeError
+from napari_unpack.io.session_archive import ZIP_SUFFIXES
 from napari_unpack.tasks import Progress, Share, TaskResult
 from napari_unpack.viewer.warm_up import color_labels
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.contributions import told_of_file
-from napari_unpack.widgets.file_names import FileNames
+from napari_unpack.widgets.file_names import FileNames, ask_where_to_write
 from napari_unpack.widgets.large_files import ask_about_size
 from napari_unpack.widgets.preferences import preferences
 from napari_unpack.widgets.section import Collapsible, Section, button, form, row
@@ -194,8 +195,8 @@ EXPORTS = (
     ),
 )
 
-WHOLE = "Session with its volume (*.unpack)"
-REFERRING = "Small session that refers to the volume's file (*.unpack)"
+WHOLE = "Session with its volume (*.unpack *.zip)"
+REFERRING = "Small session that refers to the volume's file (*.unpack *.zip)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,6 +337,7 @@ class FilesSection(Section):
             Called with nothing once it is saved.
         """
         from napari_unpack.io import save_session
+        from napari_unpack.io.headless import snapshot
         from napari_unpack.layers.placement import standing
 
         files = self._files() if refer else {}
@@ -346,7 +348,8 @@ class FilesSection(Section):
         note_saved = self._unsaved.mark() if session is self._workspace.document else None
         # Saved, so that the layers stand in the same place when the session is opened.
         files["standing"] = standing(controller.packed, session.spacing)
-        work = partial(save_session, session, path, copy=not refer, **files)
+        # Of this moment, though written later.
+        work = partial(save_session, snapshot(session), path, copy=not refer, **files)
 
         def saved(written: Path) -> None:
             self._say_written(written)
@@ -433,6 +436,7 @@ class FilesSection(Section):
         kind : Export
         path : str or Path
         """
+        from napari_unpack.io.headless import snapshot
         from napari_unpack.layers.placement import standing
 
         controller = self._workspace.controller
@@ -446,7 +450,8 @@ class FilesSection(Section):
             tuple(sorted(session.selected)),
             standing(controller.packed, session.spacing),
         )
-        self._begin(partial(kind.write, session, Path(path), options), self._say_written)
+        # Of this moment, though written later.
+        self._begin(partial(kind.write, snapshot(session), Path(path), options), self._say_written)
 
     def end(self) -> None:
         """Stop all work."""
@@ -541,9 +546,10 @@ class FilesSection(Section):
         # Only a volume that came from a file can be referred to.
         forms = [WHOLE, REFERRING] if "volume_path" in self._files() else [WHOLE]
         proposed = self._names.to_save(session, controller.sources)
-        path, chosen = QFileDialog.getSaveFileName(self, "Save session", proposed, ";;".join(forms))
-        if path:
-            self.save_to(with_suffix(path, ".unpack"), chosen == REFERRING, session, then)
+        answer = ask_where_to_write(self, "Save session", proposed, ";;".join(forms), ZIP_SUFFIXES)
+        if answer is not None:
+            path, form = answer
+            self.save_to(path, form == REFERRING, session, then)
 
     def _ask(self, kind: Export, _checked: bool = False) -> None:
         controller = self._workspace.controller
@@ -551,12 +557,12 @@ class FilesSection(Section):
             return
         suffixes = " ".join(f"*{suffix}" for suffix in kind.suffixes)
         proposed = self._names.to_write(controller.sources, kind.word, kind.suffixes[0])
-        path, _ = QFileDialog.getSaveFileName(
-            self, kind.title, proposed, f"{kind.title} ({suffixes})"
+        answer = ask_where_to_write(
+            self, kind.title, proposed, f"{kind.title} ({suffixes})", kind.suffixes
         )
-        if path:
-            self._names.wrote(Path(path))
-            self.export_to(kind, with_suffix(path, *kind.suffixes))
+        if answer is not None:
+            self._names.wrote(answer[0])
+            self.export_to(kind, answer[0])
 
 
 def _range(labels: Collection[int]) -> str:
@@ -571,15 +577,3 @@ def _pixels(value: int) -> QSpinBox:
     made.setValue(value)
     made.setToolTip("Pixels of exported pictures and movies.")
     return made
-
-
-def with_suffix(path: str, *suffixes: str) -> Path:
-    """Return a path, with the first of the suffixes where it has none of them.
-
-    Parameters
-    ----------
-    path : str
-    *suffixes : str
-    """
-    found = Path(path)
-    return found if found.suffix.lower() in suffixes else found.with_name(found.name + suffixes[0])

@@ -93,17 +93,21 @@ class RecoveryKeeper(QObject):
             scheduler.submit(_task(self._copy.close), Worker.LONG, _nothing, slot=self._copy)
             self._copy, self._kept = UnsavedCopy(recovery_folder()), False
             self._session = ref(session)
-        if not self._unsaved.worth_keeping or not preferences().keep_unsaved:
+        if not preferences().keep_unsaved:
+            # Nothing of the scan is to stay on the disk either.
+            scheduler.submit(_task(self._copy.discard), Worker.LONG, _nothing, slot=self._copy)
+            self._copy, self._kept = UnsavedCopy(recovery_folder()), False
+            return
+        if not self._unsaved.worth_keeping:
             if self._kept:
                 self._kept = False
                 scheduler.submit(_task(self._copy.forget), Worker.LONG, _nothing, slot=self._copy)
             return
         self._kept = True
         # Of this moment, though written later.
-        from napari_unpack.io.headless import copy_session
+        from napari_unpack.io.headless import snapshot
 
-        frozen = copy_session(session, packed=False)
-        frozen.log.extend(session.log)
+        frozen = snapshot(session)
         name, where = bag_name(controller.sources), standing(controller.packed, session.spacing)
         copy, opened = self._copy, self._workspace.opened
 

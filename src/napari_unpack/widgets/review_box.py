@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from qtpy.QtCore import Qt
 from qtpy.QtGui import QImage, QPixmap
-from qtpy.QtWidgets import QFileDialog, QLabel
+from qtpy.QtWidgets import QLabel
 
 from napari_unpack.viewer.scheduler import Worker
+from napari_unpack.widgets.file_names import ask_where_to_write
 from napari_unpack.widgets.notifications import errors_shown
 from napari_unpack.widgets.repair_tools import RepairTools
 from napari_unpack.widgets.section import Collapsible, button, label, row
@@ -177,12 +178,12 @@ class ReviewBox(Collapsible):
         self.save.setEnabled(session is not None and bool(session.review.answers))
 
     def _ask_where_to_save(self) -> None:
-        path, _ = QFileDialog.getSaveFileName(
-            self, "Save the answers", "answers.npz", "Training data (*.npz)"
+        answer = ask_where_to_write(
+            self, "Save the answers", "answers.npz", "Training data (*.npz)", (".npz",)
         )
         session = self._workspace.session
-        if path and session is not None:
+        if answer is not None and session is not None:
             from napari_unpack.io.answers import save_answers
 
             with errors_shown():
-                save_answers(session, path if path.endswith(".npz") else f"{path}.npz")
+                save_answers(session, answer[0])

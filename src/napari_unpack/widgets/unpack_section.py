@@ -43,6 +43,8 @@ DRAWING = (
 )
 
 # Of one button, both ways.
+# As in the plugin's preferences.
+FLIGHT_SECONDS = (0.1, 5.0)
 INSPECT_HELP = "Show one object alone: the selected one, or the last unpacked (I)."
 LEAVE_HELP = "Put the object back where it was, and show the bag (I or Escape)."
 
@@ -162,7 +164,7 @@ class UnpackSection(Section):
             "Speed, drawing, rules", "How fast objects fly, what draws them, and which may leave."
         )
         self.speed = QSlider(Qt.Orientation.Horizontal)
-        self.speed.setRange(1, 30)
+        self.speed.setRange(*(round(seconds * 10) for seconds in FLIGHT_SECONDS))
         # The value is the duration in tenths of a second: the shortest stands on the right.
         self.speed.setInvertedAppearance(True)
         self.speed.setToolTip("Speed of a flight: slow on the left, fast on the right.")
