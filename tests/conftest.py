@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import subprocess
 import sys
@@ -29,6 +30,12 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the longest: another worker does the rest meanwhile, and none is waited for."""
     items.sort(key=lambda item: item.path.name not in ("test_soak.py", "test_backpack.py"))
+
+
+def pytest_collection_finish() -> None:
+    """Keep the garbage collector off modules and tests, which stay: that is a tenth of its time."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:

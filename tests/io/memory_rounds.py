@@ -102,6 +102,8 @@ def rounds(count: int, folder: Path) -> Iterator[Held]:
     # Not the file that is saved: a session's log goes on in it, round after round.
     packed, file = folder / "packed.unpack", folder / "bag.unpack"
     save_session(packed_session(), packed)
+    # What was there before is no garbage of the rounds; each look would go through all of it.
+    gc.freeze()
     for _ in range(count):
         session = open_session(packed)
         session.unpack(1)

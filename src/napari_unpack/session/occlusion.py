@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import chain
 from time import perf_counter
@@ -18,10 +18,12 @@ from napari_unpack.geometry.view import Camera
 from napari_unpack.session.ray_queries import Mask, RayQueries, Size
 from napari_unpack.tasks import Progress, Task
 from napari_unpack.unpacking import BlockingGraph, ratios, unpackable_ids
-from napari_unpack.unpacking.blocking_graph import blocking_graph, leading_groups, reveal
+from napari_unpack.unpacking.blocking_graph import blocking_graph, leading_groups
 from napari_unpack.unpacking.occlusion import Rule
 
 if TYPE_CHECKING:
+    import networkx as nx
+
     from napari_unpack.session.labels import LabelData
 
 Group = tuple[int, ...]
@@ -139,8 +141,7 @@ class OcclusionResult:
         """
         if self.blocking is None or not self.held:
             return True
-        graph = self.blocking.among(packed).graph
-        return all(self.held.isdisjoint(reveal(graph, i)) for i in ids)
+        return self.held.isdisjoint(_all_before(ids, self.blocking.graph, packed))
 
     def swept(
         self, ids: Iterable[int], packed: frozenset[int], blockers: Callable[[int], frozenset[int]]
@@ -161,17 +162,11 @@ class OcclusionResult:
         if self.blocking is None or not self.held:
             return self
         graph, held = self.blocking.graph.copy(), set(self.held)
-        seen = set(ids)
-        left = sorted(seen)
-        while left:
-            one = left.pop()
+        for one in _all_before(ids, graph, packed):
             if one in held:
                 held.remove(one)
                 graph.remove_edges_from(list(graph.in_edges(one)))
                 graph.add_edges_from((other, one) for other in blockers(one))
-            fresh = packed.intersection(graph.predecessors(one)) - seen
-            seen |= fresh
-            left += fresh
         return replace(self, blocking=BlockingGraph(graph), held=frozenset(held))
 
     def groups(self, packed: frozenset[int], max_group_size: int) -> list[Group]:
@@ -192,6 +187,21 @@ class OcclusionResult:
     def least_occluded(self, packed: frozenset[int]) -> int:
         """Return the packed object with the least occlusion ratio, ties by ID."""
         return min(packed, key=lambda i: (self.first_hit.get(i, 0.0), i))
+
+
+def _all_before(ids: Iterable[int], graph: nx.DiGraph, packed: frozenset[int]) -> Iterator[int]:
+    """Yield objects and all packed ones that must leave before them, each once.
+
+    What blocks an object is looked up after it was yielded.
+    """
+    seen = set(ids)
+    left = sorted(seen)
+    while left:
+        one = left.pop()
+        yield one
+        fresh = packed.intersection(graph.predecessors(one)) - seen
+        seen |= fresh
+        left += fresh
 
 
 @dataclass(frozen=True, eq=False)
