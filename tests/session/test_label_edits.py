@@ -208,6 +208,7 @@ def test_ids_above_65535_keep_the_names_people_know() -> None:
     assert s.label_of(new) == 300_001
     assert s.objects.label.tolist() == [100_000, 200_000, 300_000, 300_001]
     painted = np.array([s.label_of(i) if i else 0 for i in range(5)])[s.labels]
+    assert s.label_editor.paint_task(painted).run(no_progress) is None
     painted[0, 0, :5] = 700_000
     assert s.label_editor.apply(s.label_editor.paint_task(painted).run(no_progress))
     assert s.label_of(int(s.labels[0, 0, 0])) == 700_000

@@ -45,7 +45,7 @@ def test_2d_slices_show_the_same_hues_and_the_users_colors_come_back(
     mine = viewer.add_labels(bag[1].astype(np.int32), scale=(1.5, 1.5, 1.5))
     other = viewer.add_labels(bag[1][::-1].copy())
     before = mine.colormap, other.colormap
-    controller = SessionController(viewer, session, [mine, other])
+    controller = SessionController(viewer, session, [mine])
     controller.open()
     session.apply_hues({2: 0.3, 5: 0.8}, undoable=False)
     shown = np.asarray(mine.colormap.map(np.arange(8, dtype=np.int32)))

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import dask.array
 import numpy as np
@@ -13,6 +14,7 @@ from napari_unpack.layers.placement import place_of, spacing_of
 from napari_unpack.rendering.compose import scene_image
 from napari_unpack.session import Session
 from napari_unpack.widgets.layer_inputs import (
+    Volume,
     extra_axes,
     in_memory,
     labels_of,
@@ -20,6 +22,7 @@ from napari_unpack.widgets.layer_inputs import (
     names_of,
     volume_of,
 )
+from napari_unpack.widgets.session_builder import build
 
 
 def test_a_volume_comes_with_its_voxel_size_in_millimetres() -> None:
@@ -137,3 +140,25 @@ def test_names_come_from_the_features_of_labels() -> None:
     labels = Labels(np.zeros((4, 5, 6), np.uint8), features=features)
     assert names_of(labels) == {1: "Mug", 3: "Shoe"}
     assert names_of(Labels(np.zeros((4, 5, 6), np.uint8))) == {}
+
+
+def test_what_is_painted_while_objects_are_measured_is_not_in_the_session(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    labels = np.zeros((8, 20, 40), np.uint16)
+    labels[2:6, 4:16, 4:14], labels[2:6, 4:16, 24:34] = 1, 2
+    layer = Labels(labels, name="found")
+    volume = Volume((1000 * (labels > 0)).astype(np.uint16), (1.0, 1.0, 1.0), "bag")
+    own = Session.own_labels
+
+    def paint_first(session: Session, others: Any) -> None:
+        # Of a large bag this is seconds after the table and the boxes are made.
+        layer.data[0:2, 0:4, 0:10] = 1
+        own(session, others)
+
+    monkeypatch.setattr(Session, "own_labels", paint_first)
+    built = build(volume, labels_of(layer, volume), {}, {}, lambda fraction, text: None)
+    assert layer.data[0, 0, 0] == 1
+    assert built.session.objects["voxels"].tolist() == [480, 480]
+    assert np.bincount(built.session.labels.ravel()).tolist() == [5440, 480, 480]
+    assert built.session.boxes.lower[0].tolist() == [2, 4, 4]

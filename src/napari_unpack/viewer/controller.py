@@ -82,7 +82,8 @@ class SessionController:
     session : Session
         Its `animated` is set while it is open.
     sources : sequence of napari layers
-        The user's own layers: hidden in 3D while it is open, and restored exactly after.
+        The user's own layers that it is of: hidden in 3D while it is open, Labels shown in its
+        hues, and restored exactly after.
     scheduler : Scheduler, optional
         Of the panel that opens it; by default one of its own.
 

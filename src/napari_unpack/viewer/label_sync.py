@@ -12,15 +12,18 @@ from numpy.typing import NDArray
 from napari_unpack.geometry.boxes import LabelBoxes
 from napari_unpack.viewer.protocols import Event
 from napari_unpack.viewer.scheduler import Scheduler
-from napari_unpack.viewer.slice_sync import shows_labels
 
 if TYPE_CHECKING:
     from napari_unpack.session import Session
     from napari_unpack.session.label_edits import EditedLabels
     from napari_unpack.tasks import Task
 
+    Apply = Callable[[EditedLabels | None], bool]
+
 # After the last stroke of a brush: a hand draws the next one within it.
 QUIET_MS = 300
+
+ALL = (slice(None),) * 3
 
 
 class LabelSync:
@@ -31,20 +34,24 @@ class LabelSync:
     session : Session
     scheduler : Scheduler
     sources : sequence of napari layers
-        The user's own.
+        The user's own that the session is of. Its labels are those of the 3D Labels among them.
     run : callable
-        Given a task of `LabelEditor` and what applies its result, has it run on another thread
-        and applied; returns False where that must wait.
+        Given a task of `LabelEditor`, what applies its result, and what is given its error, has
+        it run on another thread and applied; returns False where that must wait.
     message : callable
         Given a sentence for the user.
+    recoloring : callable
+        Returns whether the plugin is giving the layers other colours.
 
     Notes
     -----
-    A stroke is compared with the session's labels once the brush has been quiet for a moment.
-    Where the layer's array is the one the session was made of, the session first takes a copy,
-    or it would never know what was there before the stroke. Layers that read their voxels when
-    they are looked at (dask, zarr, several resolutions) are not followed, which is said at the
-    first stroke: every comparison would read all of them.
+    A stroke is compared with the session's labels once the brush has been quiet for a moment, and
+    once at the start: one may have come after the session took its labels. Where the layer's array
+    is the one the session was made of, the session first takes a copy, or it would never know
+    what was there before the stroke. What cannot be taken over is taken back: every comparison
+    is of the whole layer, and would meet it again. Layers that read their voxels when they are
+    looked at (dask, zarr, several resolutions), and arrays of another shape, are not followed,
+    which is said at the first stroke: every comparison would read all of them.
     """
 
     def __init__(
@@ -52,23 +59,26 @@ class LabelSync:
         session: Session,
         scheduler: Scheduler,
         sources: Sequence[Layer],
-        run: Callable[[Task[Any], Callable[[EditedLabels | None], bool]], bool],
+        run: Callable[[Task[Any], Apply, Callable[[Exception], None]], bool],
         message: Callable[[str], None],
+        recoloring: Callable[[], bool],
     ) -> None:
         self._session, self._scheduler = session, scheduler
-        self._run, self._message = run, message
-        showing = [layer for layer in sources if shows_labels(layer, session)]
-        self._layers = [layer for layer in showing if _is_array(layer)]
-        self._lazy = [layer for layer in showing if not _is_array(layer)]
-        for event in _strokes(self._lazy):
-            event.connect(self._on_lazy)
-        session.own_labels([layer.data for layer in self._layers])
+        self._run, self._message, self._recoloring = run, message, recoloring
+        ndim = session.labels.ndim
+        self._layers = [x for x in sources if isinstance(x, Labels) and x.ndim == ndim]
+        session.own_labels([layer.data for layer in self._layers if _is_array(layer)])
         self._seen, self._boxes = session.labels, session.boxes
         self._writing = False
-        self._painted: Labels | None = None
+        self._told: set[Labels] = set()
         for event in _edits(self._layers):
             event.connect(self._on_painted)
         session.events.labels.connect(self._show)
+        for layer in self._layers:
+            if _is_array(layer) and not self._fits(layer):
+                self._tell(layer)
+        self._painted = next(filter(self._fits, self._layers), None)
+        self._compare()
 
     @property
     def pending(self) -> bool:
@@ -81,30 +91,43 @@ class LabelSync:
         self._session.events.labels.disconnect(self._show, missing_ok=True)
         for event in _edits(self._layers):
             event.disconnect(self._on_painted)
-        self._leave_lazy(self._lazy)
         self._layers = []
-
-    def _leave_lazy(self, layers: Sequence[Labels]) -> None:
-        for event in _strokes(layers):
-            event.disconnect(self._on_lazy)
-        self._lazy = [layer for layer in self._lazy if layer not in layers]
-
-    def _on_lazy(self, event: Any) -> None:
-        layer = event.source
-        if layer in self._lazy:
-            self._leave_lazy([layer])
-            self._message(
-                f"Painting on {layer.name} changes no object, because its labels are read piece by "
-                "piece. To repair objects with the brush, open the labels as an array in memory "
-                "and choose them in step 1; Split, Merge and Delete work as they are."
-            )
 
     def _on_painted(self, event: Any) -> None:
         layer = event.source
         # Our own writing raises the same events as a brush.
-        if self._writing or layer not in self._layers:
+        if self._writing or self._recoloring() or layer not in self._layers:
             return
-        self._painted = layer
+        if self._fits(layer):
+            self._told.discard(layer)
+            self._painted = layer
+            self._wait()
+        # Which is also raised when another slice is looked at.
+        elif event.type != "set_data":
+            self._tell(layer)
+
+    def _tell(self, layer: Labels) -> None:
+        """Say why a layer is not followed, once until it is."""
+        if layer in self._told:
+            return
+        self._told.add(layer)
+        lost = "changes no object, and repairs are not shown there"
+        if not _is_array(layer):
+            self._message(
+                f"Painting on {layer.name} {lost}, because its labels are read piece by piece. "
+                "To repair objects with the brush, open the labels as an array in memory and "
+                "choose them in step 1; Split, Merge and Delete work as they are."
+            )
+            return
+        given, wanted = (
+            " x ".join(map(str, shape)) for shape in (layer.data.shape, self._session.labels.shape)
+        )
+        self._message(
+            f"Painting on {layer.name} {lost}, because its labels are {given} now and those of the "
+            f"objects {wanted}. To unpack other labels, choose them in step 1."
+        )
+
+    def _wait(self) -> None:
         self._scheduler.debounce(self._compare, QUIET_MS, self._compare)
 
     def _compare(self) -> None:
@@ -112,8 +135,8 @@ class LabelSync:
         if layer is None or layer not in self._layers or not self._fits(layer):
             return
         task = self._session.label_editor.paint_task(np.asarray(layer.data))
-        if not self._run(task, self._take):
-            self._scheduler.debounce(self._compare, QUIET_MS, self._compare)
+        if not self._run(task, self._take, self._give_up):
+            self._wait()
 
     def _fits(self, layer: Labels) -> bool:
         # Another array may have been put into the layer: no stroke of a brush.
@@ -121,16 +144,36 @@ class LabelSync:
 
     def _take(self, edited: EditedLabels | None) -> bool:
         """Apply what a brush has changed, and take out of the layers what is refused."""
-        done = edited is None or self._session.label_editor.apply(edited)
+        try:
+            applied = edited is None or self._session.label_editor.apply(edited)
+        except ValueError as error:
+            self._give_up(error)
+            return True
+        if not applied:
+            # Another change came between: the stroke is still in the layer.
+            self._wait()
+            return True
         refused = None if edited is None else edited.refused
-        if done and refused is not None and len(refused.where):
+        if refused is not None and len(refused.where):
             shape = self._session.labels[refused.box].shape
             self._write(refused.box, np.unravel_index(refused.where, shape))
             self._message(
                 "Objects must be in the bag to be painted on: restore them first. The strokes on "
                 "those outside are taken back, all others count."
             )
-        return done
+        return True
+
+    def _give_up(self, error: Exception) -> None:
+        """Take out of the layers all that the session has not taken over."""
+        given, labels = self._given(), self._session.labels
+        for layer in filter(self._fits, self._layers):
+            planes = zip(labels, layer.data, strict=True)
+            self._write(ALL, np.stack([given[ours] != theirs for ours, theirs in planes]))
+        # Anything else is a defect, and no fault of the brush.
+        if not isinstance(error, ValueError):
+            raise error
+        if self._layers:
+            self._message(f"What was painted is taken back: {error}.")
 
     def _show(self, ids: Iterable[int]) -> None:
         """Write what the session has changed of some objects into the layers."""
@@ -166,13 +209,9 @@ class LabelSync:
         return given
 
 
-def _strokes(layers: Iterable[Labels]) -> list[Event]:
-    return [e for layer in layers for e in (layer.events.labels_update, layer.events.paint)]
-
-
-def _edits(layers: Sequence[Labels]) -> list[Event]:
-    sets = [e for layer in layers for e in (layer.events.data, layer.events.set_data)]
-    return _strokes(layers) + sets
+def _edits(layers: Iterable[Labels]) -> list[Event]:
+    told = ("labels_update", "paint", "data", "set_data")
+    return [layer.events[name] for layer in layers for name in told]
 
 
 def _is_array(layer: Labels) -> bool:

@@ -20,9 +20,6 @@ if TYPE_CHECKING:
 
     from napari_unpack.session import Session
 
-# Every so many voxels are compared to tell whether a layer holds the session's labels.
-STRIDE = 7
-
 
 class SliceHues:
     """Lends a colormap to the layers the session's labels came from.
@@ -32,13 +29,19 @@ class SliceHues:
     session : Session
         Whose hues.
     sources : sequence of napari layers
-        The user's own; only Labels with the session's object IDs are coloured.
+        The user's own that the session is of; of these, Labels of its shape are coloured.
+
+    Attributes
+    ----------
+    painting : bool
+        While the layers are given other colours, at which they raise the events of a brush.
     """
 
     def __init__(self, session: Session, sources: Sequence[Layer]) -> None:
         self._session = session
+        self.painting = False
         self._theirs = [
-            (layer, layer.colormap) for layer in sources if shows_labels(layer, session)
+            (layer, layer.colormap) for layer in sources if _shows_labels(layer, session)
         ]
         self._brushes = [layer.selected_label for layer, _ in self._theirs]
         if self._theirs:
@@ -53,39 +56,37 @@ class SliceHues:
         # Opacity as it was chosen: a slice has no depth in which it would add up.
         own = session.annotations.colors
         colors = {session.label_of(i): own.get(i, tints[i]) for i in session.ids}
-        for layer, _ in self._theirs:
-            layer.colormap = label_colormap(colors, np.zeros(4, np.float32))
+        with self._own_work():
+            for layer, _ in self._theirs:
+                layer.colormap = label_colormap(colors, np.zeros(4, np.float32))
 
     def close(self) -> None:
         """Give every layer its own colormap back."""
         self._session.events.selected.disconnect(self._choose, missing_ok=True)
-        for (layer, colormap), brush in zip(self._theirs, self._brushes, strict=True):
-            layer.colormap, layer.selected_label = colormap, brush
+        with self._own_work():
+            for (layer, colormap), brush in zip(self._theirs, self._brushes, strict=True):
+                layer.colormap, layer.selected_label = colormap, brush
         self._theirs = []
+
+    @contextmanager
+    def _own_work(self) -> Generator[None, None, None]:
+        self.painting = True
+        try:
+            yield
+        finally:
+            self.painting = False
 
     def _choose(self, ids: frozenset[int]) -> None:
         # With several selected the brush keeps what the user gave it.
         if len(ids) == 1:
-            for layer, _ in self._theirs:
-                layer.selected_label = self._session.label_of(next(iter(ids)))
+            with self._own_work():
+                for layer, _ in self._theirs:
+                    layer.selected_label = self._session.label_of(next(iter(ids)))
 
 
-def shows_labels(layer: Layer, session: Session) -> TypeGuard[Labels]:
-    """Return whether a layer holds the session's labels, as far as some of its voxels show.
-
-    Parameters
-    ----------
-    layer : napari layer
-    session : Session
-    """
-    labels = session.labels
-    if not isinstance(layer, Labels) or layer.data.shape != labels.shape:
-        return False
-    some = (slice(None, None, STRIDE),) * 3
-    given = np.zeros(session.ids[-1] + 1, np.int64)
-    given[list(session.ids)] = [session.label_of(i) for i in session.ids]
-    finest = layer.data[0] if layer.multiscale else layer.data
-    return bool(np.array_equal(np.asarray(finest[some]), given[labels[some]]))
+def _shows_labels(layer: Layer, session: Session) -> TypeGuard[Labels]:
+    # Not by its voxels: one stroke before the session is shown would make it another's.
+    return isinstance(layer, Labels) and layer.data.shape == session.labels.shape
 
 
 # So long after the user's last scroll the slices are theirs: a hand turns the wheel on.

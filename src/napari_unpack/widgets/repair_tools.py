@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from napari_unpack.viewer.split_tool import SplitTool, Voxel
 
     Apply = Callable[[EditedLabels | None], bool]
+    Refused = Callable[[Exception], None]
 
 SLOT = "repair"
 
@@ -148,22 +149,29 @@ class RepairTools(QObject):
             self._asked = task_of(session.label_editor)
             self._start(session, self._asked, apply)
 
-    def _ask(self, task: Task[Any], apply: Apply) -> bool:
+    def _ask(self, task: Task[Any], apply: Apply, refused: Refused) -> bool:
         # The stroke is compared again a moment later.
         if self._workspace.scheduler.has(SLOT) or self._workspace.session is None:
             return False
-        self._start(self._workspace.session, task, apply)
+        self._start(self._workspace.session, task, apply, refused)
         return True
 
-    def _start(self, session: Session, task: Task[Any], apply: Apply | None = None) -> None:
+    def _start(
+        self,
+        session: Session,
+        task: Task[Any],
+        apply: Apply | None = None,
+        refused: Refused = notifications.show_error,
+    ) -> None:
         take = partial(self._take, session, task, apply or partial(_applied, session))
-        self._workspace.scheduler.submit(task, Worker.LONG, take, failed=self._fail, slot=SLOT)
+        fail = partial(self._fail, task, refused)
+        self._workspace.scheduler.submit(task, Worker.LONG, take, failed=fail, slot=SLOT)
         self.busy.emit(True)
 
     def _take(
         self, session: Session, task: Task[Any], apply: Apply, edit: EditedLabels | None
     ) -> None:
-        self.busy.emit(False)
+        self._end(task)
         # A repair of a session that is no longer shown would come as a surprise.
         if session is not self._workspace.session or task is self._called_off:
             return
@@ -171,10 +179,17 @@ class RepairTools(QObject):
             if not apply(edit):
                 notifications.warn("The labels changed meanwhile: repair once more.")
 
-    def _fail(self, error: Exception) -> None:
-        self.busy.emit(False)
+    def _fail(self, task: Task[Any], refused: Refused, error: Exception) -> None:
+        self._end(task)
         if not isinstance(error, Cancelled):
-            notifications.show_error(error)
+            with notifications.errors_shown():
+                refused(error)
+
+    def _end(self, task: Task[Any]) -> None:
+        # What runs next may be a stroke, which nobody asked for here.
+        if self._asked is task:
+            self._asked = None
+        self.busy.emit(False)
 
     def _follow(self) -> None:
         from napari_unpack.viewer.label_sync import LabelSync
@@ -185,13 +200,15 @@ class RepairTools(QObject):
             self._label_sync.close()
             self._label_sync = None
         controller = self._workspace.controller
-        if controller is not None:
+        # In a container the layers show the whole bag: what is painted waits until it is back.
+        if controller is not None and not self._workspace.is_inside:
             self._label_sync = LabelSync(
                 controller.session,
                 self._workspace.scheduler,
                 controller.sources,
                 self._ask,
                 notifications.warn,
+                lambda: controller.slice_hues.painting,
             )
 
 

@@ -42,7 +42,7 @@ class BuiltSession:
     ----------
     session : napari_unpack.Session
     labels : (Z, Y, X) ndarray of int
-        With the IDs that they were found or given with.
+        With the IDs that they were found or given with; never the array of the session's.
     is_found : bool
         Whether they are new, and not the user's own.
     """
@@ -120,7 +120,9 @@ def _build(
                 found, segmentation = _segmented_whole(volume, settings, finding)
         labels, objects, evidence = found, segmentation.objects, segmentation.evidence
     measuring = share.part(SEGMENTING_SHARE, 1.0, "Measuring the objects")
-    ids = np.asarray(labels)
+    given = np.asarray(labels)
+    # A brush may write into a layer's own array while its objects are measured.
+    ids = given.copy() if found is None and isinstance(labels, np.ndarray) else given
     if not ids.any():
         raise ValueError(
             f"no objects were found in '{volume.name}': it may hold nothing denser than its "
@@ -140,10 +142,10 @@ def _build(
     session.tolerance = TOLERANCE
     color_labels(ids.dtype)
     # Here, in the worker: the layer's labels are not to be ours, and the bag's hull is found.
-    session.own_labels([ids])
+    session.own_labels([given])
     fitted(session)
     progress(1.0, "Opening the 3D view")
-    return BuiltSession(session, ids, found is not None)
+    return BuiltSession(session, given, found is not None)
 
 
 def _segmented_whole(

@@ -115,7 +115,8 @@ class Workspace(QObject):
         ----------
         session : napari_unpack.Session
         sources : sequence of napari layers
-            The user's own layers, hidden in 3D meanwhile.
+            The user's own that the session is of, hidden in 3D meanwhile. What is painted on
+            the Labels among them is painted on its objects.
         camera : Camera, optional
             The first view; by default the whole bag is framed.
         seconds : float, optional
