@@ -25,6 +25,7 @@ from napari_unpack.io import (
     save_scan,
 )
 from napari_unpack.io.headless import open_scan
+from napari_unpack.io.ome_zarr import write_labels_zarr
 from napari_unpack.segmentation.confidence.oracle import default_oracle
 from napari_unpack.session.measurements import SurfacePoint
 
@@ -113,7 +114,9 @@ def test_surfaces_are_of_all_objects_or_of_those_asked_for(bag: Path) -> None:
     mesh = trimesh.load_mesh(bag.with_name("one.stl"))
     assert mesh.volume == pytest.approx(2560, rel=0.01)
     np.testing.assert_allclose(mesh.center_mass, (21.5, 11.5, -11.5), atol=0.1)
-    assert "must be IDs such as 1,4" in run("surfaces", bag, out, "--objects", "2,x").output
+    for strange in ("2,x", "²"):
+        refused = run("surfaces", bag, out, "--objects", strange)
+        assert "must be IDs such as 1,4" in refused.output
     assert "surfaces must end in" in run("surfaces", bag, bag.with_name("parts.step")).output
 
 
@@ -212,6 +215,9 @@ def test_mistakes_get_a_sentence_and_no_traceback(bag: Path, tmp_path: Path) -> 
         (("simulate", tmp_path / "a.foo"), "a.foo: the output must end in .npz"),
         (("segment", bag, tmp_path / "a"), "the output must end in .npz"),
         (("order", bag, "--backend", "vulkan"), "error: backend must be"),
+        (("order", bag, "--at", "t=²"), "error: --at must be like c=1"),
+        (("simulate", tmp_path / ".npz"), ".npz is a suffix alone: give the output a name"),
+        (("segment", bag, tmp_path / ".nii.gz"), ".nii.gz is a suffix alone"),
     ]:
         result = run(*arguments)
         assert result.exit_code == 1, (arguments, result.output)
@@ -234,6 +240,54 @@ def test_a_simulated_bag_knows_what_its_objects_are(tmp_path: Path) -> None:
     assert load_volume(out).names == names
     listed = run("order", out, "--backend", "cpu").stdout
     assert all(name[:23] in listed for name in names.values())
+
+
+def test_help_says_which_commands_take_a_saved_session() -> None:
+    for command in ("order", "render", "movie", "table", "web", "surfaces"):
+        told = " ".join(run(command, "--help").output.replace("│", " ").split())
+        assert "OME-Zarr; or a saved session." in told, command
+    for command in ("segment", "batch"):
+        told = " ".join(run(command, "--help").output.replace("│", " ").split())
+        assert "saved session" not in told, command
+        assert "or a session's" not in told, command
+
+
+def test_pages_are_called_as_their_scan_without_its_suffix(
+    bag: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("SimpleITK")
+    titles: list[str] = []
+    for page in ("save_objects_page", "save_interactive_page"):
+        monkeypatch.setattr(
+            f"napari_unpack.io.{page}", lambda _, __, title, *more, **named: titles.append(title)
+        )
+    scan, labels = bag.with_name("vol.nii.gz"), bag.with_name("vol.labels.nii.gz")
+    save_scan(load_volume(bag), scan)
+    for command in ("table", "web"):
+        done = run(command, scan, bag.with_name("page.html"), "--labels", labels)
+        assert done.exit_code == 0, done.output
+    assert titles == ["vol", "vol"]
+
+
+def test_the_demo_says_at_once_that_its_output_can_be_no_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def never() -> None:
+        raise AssertionError("the work began")
+
+    monkeypatch.setattr("napari_unpack.viewer.screen.check_screen", never)
+    monkeypatch.setenv("UNPACK_VIRTUAL_SCREEN", "1")
+    (tmp_path / "notes.txt").write_text("mine")
+    for output in (tmp_path / "notes.txt", tmp_path / "notes.txt" / "pictures"):
+        refused = run("demo", "--output", output)
+        assert refused.exit_code == 1
+        assert "cannot be a folder, as" in refused.output
+        assert "notes.txt is a file" in refused.output
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+    # Nothing is made before there are pictures.
+    for output in (tmp_path / "pictures", tmp_path):
+        assert isinstance(run("demo", "--output", output).exception, AssertionError)
+    assert [p.name for p in tmp_path.iterdir()] == ["notes.txt"]
 
 
 def test_demo_hands_its_options_to_the_widgets(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -277,6 +331,12 @@ def test_a_saved_session_is_taken_where_a_volume_is(bag: Path) -> None:
     refused = run("order", saved, "--labels", bag)
     assert refused.exit_code == 1
     assert "a session has labels of its own" in refused.output
+    refused = run("render", saved, out, "--at", "t=99")
+    assert refused.exit_code == 1
+    assert "one channel and time point: leave --at out" in refused.output
+    refused = run("open", saved, "--scan", "foo")
+    assert refused.exit_code == 1
+    assert "bag.unpack is one session: leave --scan out" in refused.output
     film = bag.with_name("frames")
     filmed = run(
         "movie",
@@ -375,6 +435,81 @@ def test_an_output_that_is_the_input_or_cannot_be_written_is_refused_before_the_
         assert result.exit_code == 1
         assert sentence in result.output.replace("\n", " ")
     assert bag.read_bytes() == before
+
+
+def test_a_picture_that_is_the_background_is_not_overwritten(
+    bag: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(bag.parent)
+    for command, name in (("render", "photo.png"), ("movie", "photo.gif")):
+        iio.imwrite(name, np.full((30, 40, 3), 90, np.uint8))
+        before = Path(name).read_bytes()
+        result = run(command, bag, name, "--size", 32, 32, "--background", name)
+        assert result.exit_code == 1
+        assert "is the input and would be overwritten" in result.output.replace("\n", " ")
+        assert Path(name).read_bytes() == before
+    # Nor with the folder that it is in.
+    Path("photos").mkdir()
+    Path("photo.png").rename("photos/photo.png")
+    result = run("movie", bag, "photos", "--background", "photos/photo.png")
+    assert "holds the input, which would be lost" in result.output.replace("\n", " ")
+    assert Path("photos/photo.png").exists()
+
+
+def test_a_scan_of_a_pattern_whose_output_was_forgotten_is_not_overwritten(
+    bag: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for work in ("train", "segmentation.segment"):
+        monkeypatch.setattr(f"napari_unpack.{work}", lambda *_, **__: pytest.fail("work began"))
+    other = bag.with_name("other.npz")
+    before = bag.read_bytes()
+    shutil.copy(bag, other)
+    result = run("train", bag, other)
+    assert result.exit_code == 1
+    assert "is there and is no oracle: name the oracle" in result.output.replace("\n", " ")
+    other.write_bytes(b"")
+    assert "is there and is no oracle" in run("train", other, bag).output.replace("\n", " ")
+    assert bag.read_bytes() == before
+    one, two = bag.with_name("a.zarr"), bag.with_name("b.zarr")
+    zarr.create_array(one, data=load_volume(bag).volume, chunks=(16, 16, 16))
+    for number in range(2):
+        if number:
+            # A scan as others write one, with labels inside it.
+            shutil.rmtree(two)
+            image_zarr(two)
+            write_labels_zarr(two / "labels" / "found", np.ones((4, 4, 4), np.int32), (1, 1, 1))
+        else:
+            zarr.create_array(two, data=load_volume(bag).volume, chunks=(16, 16, 16))
+        there = sorted(p.relative_to(two) for p in two.rglob("*"))
+        result = run("segment", one, two)
+        assert result.exit_code == 1
+        assert "is there and holds something else" in result.output.replace("\n", " ")
+        assert sorted(p.relative_to(two) for p in two.rglob("*")) == there
+
+
+@pytest.mark.parametrize("form", [2, 3])
+def test_labels_in_zarr_are_replaced_by_newer_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, form: Any
+) -> None:
+    """Ours, and those of others that say so, in either form of the standard."""
+    image, output = tmp_path / "image.zarr", tmp_path / "labels.zarr"
+    image_zarr(image)
+    group = zarr.open_group(output, mode="w", zarr_format=form)
+    about = {"version": "0.4"}
+    group.attrs.update({"image-label": about} if form == 2 else {"ome": {"image-label": about}})
+    (output / "old").write_text("old")
+
+    def segment(*_: object, out: Any, **settings: object) -> SimpleNamespace:
+        out[8:30, 8:30, 8:30] = 7
+        return SimpleNamespace(objects=pd.DataFrame({"voxels": [1]}))
+
+    monkeypatch.setattr("napari_unpack.segmentation.segment", segment)
+    # Twice: what this command has written is replaced too.
+    for _ in range(2):
+        result = run("segment", image, output)
+        assert result.exit_code == 0, result.output
+        assert load_labels(output)[0].max() == 7
+    assert not (output / "old").exists()
 
 
 @pytest.mark.parametrize(("output", "table"), [("a.npz", "a.npz"), ("a.mha", "a.labels.mha")])

@@ -20,6 +20,7 @@ import pytest
 from typer.testing import CliRunner
 
 import napari_unpack as nu
+from napari_unpack import io
 from napari_unpack.cli import app
 
 ROOT = Path(__file__).parents[1]
@@ -262,6 +263,15 @@ def test_decisions_are_short_and_say_what_was_decided_first() -> None:
         lines = path.read_text("utf-8").splitlines()
         assert len(lines) <= 25, path.name
         assert lines[2].startswith("**Decided**"), path.name
+
+
+def test_docstrings_of_the_package_refer_to_what_it_has() -> None:
+    """Who reads `help(nu.name)` finds the parameters there, or in a name of the same page."""
+    known = {*nu.__all__, *io.__all__}
+    for name in nu.__all__:
+        told = getattr(nu, name).__doc__ or ""
+        others = set(re.findall(r"\b[Aa]s for `([\w.]+)`", told))
+        assert others <= known, name
 
 
 SCHEMA = json.loads((DOCS / "reference" / "session.schema.json").read_text("utf-8"))

@@ -1,4 +1,7 @@
-"""Every module, definition, shader and test that docs/paper.md names is in the repository."""
+"""Every module, definition, shader and test that docs/paper.md names is in the repository.
+
+So is every step of the journeys of docs/architecture.md, and all of the package is in its table.
+"""
 
 from __future__ import annotations
 
@@ -93,3 +96,33 @@ def test_numbers_of_readings_and_deviations_lead_somewhere(kind: str) -> None:
     assert sorted(told) == list(range(1, len(told) + 1))
     assert len(told) >= 15
     assert {int(n) for n in re.findall(rf"\b{kind}(\d+)\b", PAGE)} == set(told)
+
+
+ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text("utf-8")
+JOURNEYS = ARCHITECTURE.split("## Four journeys")[1].split("\n## ")[0]
+# The names that follow a file: "`a.py`, `one`" and "`a.py`".
+STEPS = sorted(set(re.findall(r"`([\w/]+\.py)`(?:, `([\w.]+)`)?", JOURNEYS)))
+
+
+def test_the_journeys_have_many_steps() -> None:
+    assert len(STEPS) > 35
+    assert sum(bool(name) for _, name in STEPS) > 25
+
+
+@pytest.mark.parametrize(("path", "name"), STEPS, ids=[":".join(pair) for pair in STEPS])
+def test_what_a_journey_names_is_there(path: str, name: str) -> None:
+    # Some are named within the folder that the step is in.
+    files = [PACKAGE / path] if (PACKAGE / path).is_file() else list(PACKAGE.rglob(path))
+    assert files, f"docs/architecture.md names {path}, which does not exist"
+    kinds = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
+    tree = ast.walk(ast.parse(files[0].read_text("utf-8")))
+    assert not name or name in {node.name for node in tree if isinstance(node, kinds)}
+
+
+def test_every_part_of_the_package_is_in_the_table_of_packages() -> None:
+    table = ARCHITECTURE.split("## The packages")[1].split("\n## ")[0]
+    rows = "".join(line.split("|")[1] for line in table.splitlines() if line.startswith("|"))
+    named = set(re.findall(r"`([\w.]+)`", rows))
+    parts = {path.name for path in PACKAGE.iterdir() if not path.name.startswith("_")}
+    parts -= {"napari.yaml", "py.typed"}
+    assert named == parts

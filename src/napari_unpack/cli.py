@@ -21,13 +21,16 @@ from napari_unpack.cli_options import (
     Input,
     LabelsOption,
     Large,
+    NewView,
     Scale,
     Ticker,
     ViewOption,
+    VolumeInput,
     check_output,
     direction_of,
     load_input,
     open_input,
+    picture_file,
     requested_decorations,
     write_somewhere,
 )
@@ -120,7 +123,7 @@ def _simulate(
 
 @_command()
 def _segment(
-    source: Input,
+    source: VolumeInput,
     output: Annotated[
         Path, typer.Argument(metavar="OUTPUT", help="Where to save volume and labels.")
     ],
@@ -219,8 +222,12 @@ def _train(
     """Train the confidence of objects on labelled volumes."""
     from napari_unpack import train
     from napari_unpack.io import load_volume
+    from napari_unpack.segmentation.confidence.oracle import is_oracle
 
     check_output(output, (".npz",), *bags)
+    # What a pattern of the shell gives where OUT was forgotten: the first of the bags.
+    if output.exists() and not is_oracle(output):
+        raise ValueError(f"{output} is there and is no oracle: name the oracle to write first")
     for path in bags:
         if not path.exists():
             raise FileNotFoundError(f"no such file or folder: {path}")
@@ -320,7 +327,7 @@ def _render(
     from napari_unpack.memory import check_picture
     from napari_unpack.rendering.compose import scene_image
 
-    check_output(output, (".png",), source, labels)
+    check_output(output, (".png",), source, labels, picture_file(background))
     check_picture(size)
     decorated = requested_decorations(background, box, scale)
     session = open_input(source, labels, direction, view, backend, at, large)
@@ -369,7 +376,14 @@ def _movie(
     from napari_unpack.io.movies import checked_movie_path
 
     # Any suffix passes the second check, as a folder of images has none; the first knows movies.
-    check_output(checked_movie_path(output, size), ("",), source, labels, folder=not output.suffix)
+    check_output(
+        checked_movie_path(output, size),
+        ("",),
+        source,
+        labels,
+        picture_file(background),
+        folder=not output.suffix,
+    )
     decorated = requested_decorations(background, box, scale)
     session = open_input(source, labels, direction, view, backend, at, large)
     if decorated is not None:
@@ -409,6 +423,7 @@ def _table(
 ) -> None:
     """Write the table of objects, as one web page with an image of each, or as CSV."""
     from napari_unpack.io import save_measurements_csv, save_objects_csv, save_objects_page
+    from napari_unpack.io.volumes import stem_of
 
     check_output(output, (".csv",) if measurements else (".html", ".csv"), source, labels)
     session = open_input(source, labels, None, view, backend, at, large)
@@ -417,7 +432,8 @@ def _table(
     elif output.suffix.lower() == ".csv":
         typer.echo(f"wrote {save_objects_csv(session.objects, output, session.length_unit)}")
     else:
-        path = save_objects_page(session, output, source.stem, progress=Ticker(), backend=backend)
+        title = stem_of(source)
+        path = save_objects_page(session, output, title, progress=Ticker(), backend=backend)
         typer.echo(f"wrote {path}")
 
 
@@ -434,10 +450,11 @@ def _web(
 ) -> None:
     """Write one web page on which the bag turns and is unpacked, for people without napari."""
     from napari_unpack.io import save_interactive_page
+    from napari_unpack.io.volumes import stem_of
 
     check_output(output, (".html",), source, labels)
     session = open_input(source, labels, direction, view, backend, at, large)
-    path = save_interactive_page(session, output, source.stem, Ticker(), backend)
+    path = save_interactive_page(session, output, stem_of(source), Ticker(), backend)
     typer.echo(f"wrote {path}")
 
 
@@ -469,7 +486,8 @@ def _surfaces(
     if objects is not None:
         known = {session.label_of(i): i for i in session.ids}
         asked = [part.strip() for part in objects.split(",")]
-        strange = [part for part in asked if not part.isdigit() or int(part) not in known]
+        # Not isdigit, which takes ² as well.
+        strange = [part for part in asked if not part.isdecimal() or int(part) not in known]
         if strange:
             raise ValueError(f"--objects must be IDs such as 1,4 of the input, got {strange[0]!r}")
         ids = [known[int(part)] for part in asked]
@@ -507,7 +525,7 @@ def _batch(
         bool | None, typer.Option("--grainy/--plain", help="Noisy or not, as of segment.")
     ] = None,
     direction: Direction = None,
-    view: ViewOption = None,
+    view: NewView = None,
     pictures: Annotated[
         bool, typer.Option(help="A picture of each scan and a page of its objects.")
     ] = True,

@@ -17,14 +17,9 @@ if TYPE_CHECKING:
     from napari_unpack.io import Scan
     from napari_unpack.session import Session
 
-Input = Annotated[
-    Path,
-    typer.Argument(
-        metavar="INPUT",
-        help="Volume: .npz, .npy, NIfTI, MetaImage, NRRD, TIFF, DICOM folder or file, OME-Zarr; "
-        "for order, render and movie also a saved session.",
-    ),
-]
+_VOLUME = "Volume: .npz, .npy, NIfTI, MetaImage, NRRD, TIFF, DICOM folder or file, OME-Zarr"
+VolumeInput = Annotated[Path, typer.Argument(metavar="INPUT", help=f"{_VOLUME}.")]
+Input = Annotated[Path, typer.Argument(metavar="INPUT", help=f"{_VOLUME}; or a saved session.")]
 LabelsOption = Annotated[
     Path | None,
     typer.Option(help="Label volume to use instead of labels in INPUT or a segmentation."),
@@ -52,13 +47,14 @@ Direction = Annotated[
         "by default towards the viewer."
     ),
 ]
+_LOOKING = "Direction of looking; by default from above"
+NewView = Annotated[
+    tuple[float, float, float] | None,
+    typer.Option("--view", metavar="Z Y X", help=f"{_LOOKING}."),
+]
 ViewOption = Annotated[
     tuple[float, float, float] | None,
-    typer.Option(
-        "--view",
-        metavar="Z Y X",
-        help="Direction of looking; by default from above, or a session's.",
-    ),
+    typer.Option("--view", metavar="Z Y X", help=f"{_LOOKING}, or a session's."),
 ]
 Backend = Annotated[str, typer.Option(help="What renders: auto, cpu or gl.")]
 
@@ -103,7 +99,8 @@ def load_input(source: Path, at: str | None, large: bool = False) -> Scan:
     chosen = {}
     for part in at.split(",") if at else ():
         axis, _, number = part.partition("=")
-        if not number.strip().isdigit():
+        # Not isdigit, which takes ² as well.
+        if not number.strip().isdecimal():
             raise ValueError(f"--at must be like c=1 or t=0,c=1, got {at!r}")
         chosen[axis.strip()] = int(number)
     scan = load_volume(source, chosen, large)
@@ -144,7 +141,7 @@ def open_input(
     Raises
     ------
     ValueError
-        If labels are given beside a saved session.
+        If labels, or a channel or time point, are given beside a saved session.
     """
     # Imported late: these load numba, which takes longer than `--help` should.
     from napari_unpack.io import load_labels, open_session
@@ -155,6 +152,8 @@ def open_input(
     if holds_session(source):
         if labels is not None:
             raise ValueError("a session has labels of its own: leave --labels out")
+        if at is not None:
+            raise ValueError("a session is of one channel and time point: leave --at out")
         session = open_session(source, progress=Ticker(), large=large)
         _tell_assumed(source, session.assumed)
         # A session saved while an object was inspected: commands work on the bag.
@@ -192,7 +191,8 @@ def check_output(
     Raises
     ------
     ValueError
-        If it ends in none of them, is one of the inputs or holds one, or is a folder.
+        If it ends in none of them or is nothing else, is one of the inputs or holds one, or is a
+        folder.
     FileNotFoundError
         If its folder does not exist.
     PermissionError
@@ -200,8 +200,11 @@ def check_output(
     """
     from napari_unpack.atomic import check_writable
 
-    if not path.name.lower().endswith(suffixes):
+    name = path.name.lower()
+    if not name.endswith(suffixes):
         raise ValueError(f"{path}: the output must end in {' or '.join(suffixes)}")
+    if name and name in suffixes:
+        raise ValueError(f"{path} is a suffix alone: give the output a name, such as bag{name}")
     there = [given for given in inputs if given and given.exists()]
     # By what it is and not by its name: links and upper case lead to one file as well.
     if any(path.exists() and path.samefile(given) for given in there):
@@ -272,6 +275,17 @@ Ground = Annotated[
 ]
 Box = Annotated[bool, typer.Option("--box", help="Draw the box around all objects.")]
 Scale = Annotated[bool, typer.Option("--scale-bar", help="Draw a scale bar.")]
+
+
+def picture_file(background: str | None) -> Path | None:
+    """Return the file that a background may be, an input of the command; colours are none.
+
+    Parameters
+    ----------
+    background : str, optional
+        As the option takes it.
+    """
+    return None if background is None else Path(background)
 
 
 def requested_decorations(background: str | None, box: bool, scale: bool) -> Decorations | None:

@@ -233,13 +233,16 @@ def run(
     Raises
     ------
     ValueError
-        If a file cannot be read, or no object is found.
+        If a file cannot be read, no object is found, or the output can be no folder.
     OSError
-        If there is no screen, a virtual one neither.
+        If there is no screen, a virtual one neither, or nothing can be written to the output.
     """
     from napari_unpack.viewer.screen import check_screen
 
     # Before the long work, and before anything has looked for a screen.
+    recorded = bool(os.environ.get("UNPACK_VIRTUAL_SCREEN"))
+    if recorded:
+        _check_folder(output)
     check_screen()
     steps = Steps()
     scan = _scan(source, labels, seed, large, steps)
@@ -252,7 +255,7 @@ def run(
     # The first image waits for the kernels to be compiled, once a machine.
     controller.settle(300.0)
     steps.done(f"{len(controller.session.ids)} objects; press N to unpack, B to put back")
-    if os.environ.get("UNPACK_VIRTUAL_SCREEN"):
+    if recorded:
         record(viewer, panel, output, steps)
         # Nobody is to be offered it at the next start.
         panel.unsaved.give_up()
@@ -260,6 +263,16 @@ def run(
         steps.done(f"images, movie and table are in {output}/")
     else:
         napari.run()
+
+
+def _check_folder(output: Path) -> None:
+    """Refuse what can be no folder, or is one in which nothing can be written."""
+    from napari_unpack.atomic import check_writable
+
+    there = next(place for place in (output, *output.absolute().parents) if place.exists())
+    if not there.is_dir():
+        raise ValueError(f"{output} cannot be a folder, as {there} is a file: choose another")
+    check_writable(there / "packed.png")
 
 
 def _scan(source: Path | None, labels: Path | None, seed: int, large: bool, steps: Steps) -> Scan:

@@ -3,6 +3,7 @@ from __future__ import annotations
 import imageio.v3 as iio
 import numpy as np
 import pytest
+from PIL import Image
 
 from napari_unpack.appearance import Background, Decorations
 
@@ -41,9 +42,49 @@ def test_light_and_dark_are_told_apart_for_the_ink():
     assert Decorations.of("dusk").ink[0] > 0.5
 
 
+@pytest.mark.parametrize("name", ["still.gif", "moving.gif", "film.tif"])
+def test_of_an_animation_the_first_frame_is_taken(tmp_path, name):
+    red, blue = (Image.new("RGB", (9, 8), colour) for colour in ("red", "blue"))
+    more = [] if name == "still.gif" else [blue, red]
+    red.save(tmp_path / name, save_all=True, append_images=more)
+    found = Background.of(tmp_path / name).image
+    np.testing.assert_array_equal(found, np.broadcast_to([255, 0, 0], (8, 9, 3)))
+
+
+def test_pictures_of_every_usual_kind_are_read_as_their_colours(tmp_path):
+    grey = np.array([[0, 100], [200, 255]], np.uint8)
+    wanted = np.stack([grey] * 3, axis=2)
+    picture = Image.fromarray(grey)
+    for kind in ("L", "LA", "P", "RGB", "RGBA"):
+        picture.convert(kind).save(tmp_path / f"{kind}.png")
+        found = Background.of(tmp_path / f"{kind}.png").image
+        np.testing.assert_array_equal(found, wanted, err_msg=kind)
+    # Each value times 257, which is the same grey in 16 bits.
+    iio.imwrite(tmp_path / "deep.png", grey.astype(np.uint16) * 257)
+    np.testing.assert_array_equal(Background.of(tmp_path / "deep.png").image, wanted)
+    # Ink, not light: 255 of black is black.
+    ink = np.zeros((16, 16, 4), np.uint8)
+    ink[..., 3] = 255
+    Image.fromarray(ink, "CMYK").save(tmp_path / "ink.jpg")
+    assert Background.of(tmp_path / "ink.jpg").image.max() < 4
+
+
 @pytest.mark.parametrize(
     "wanted",
-    ["puce", "#12345", (1, 1), (2, 0, 0), "a.png", np.zeros((4, 4, 2)), "white,black,white"],
+    [
+        "puce",
+        "#12345",
+        (1, 1),
+        (2, 0, 0),
+        "a.png",
+        np.zeros((4, 4, 2)),
+        "white,black,white",
+        np.zeros((2, 4, 4, 3), np.uint8),
+        None,
+        5,
+        (),
+        (None, 1, 1),
+    ],
 )
 def test_what_is_no_background_is_refused(wanted):
     with pytest.raises(ValueError, match="background"):

@@ -1,10 +1,12 @@
 """What napari's File > Open gets."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+import napari_unpack
 from napari_unpack.io import Scan, save_scan
 from napari_unpack.io.napari_reader import get_reader
 
@@ -76,3 +78,54 @@ def test_channels_stay_axes_in_front_from_which_the_panel_chooses(tmp_path: Path
     assert about["scale"] == pytest.approx((1.0, 3e-3, 5e-4, 5e-4))
     assert about["units"] == ("pixel", "mm", "mm", "mm")
     assert kind == "image"
+
+
+def test_a_tiff_that_is_dropped_keeps_its_voxel_size(tmp_path: Path, npe2pm: Any) -> None:
+    from npe2 import PluginManifest, read
+
+    manifest = Path(napari_unpack.__file__).with_name("napari.yaml")
+    npe2pm.register(PluginManifest.from_file(manifest))
+    for name in ("bag.tif", "BAG.TIFF"):
+        save_scan(Scan(VOLUME, (3.0, 0.5, 0.25)), tmp_path / name)
+        # As napari reads a file with the reader that a person has chosen.
+        ((data, about, _),) = read([str(tmp_path / name)], stack=False, plugin_name="napari-unpack")
+        np.testing.assert_array_equal(data, VOLUME)
+        assert about["scale"] == pytest.approx((3.0, 0.5, 0.25))
+
+
+@pytest.mark.parametrize("slices", [True, False])
+def test_pictures_in_tiff_are_left_to_napari_and_stacks_are_not(
+    tmp_path: Path, slices: bool
+) -> None:
+    import tifffile
+
+    colours = np.zeros((4, 5, 3), np.uint8)
+    written: list[tuple[object, dict[str, object]]] = [
+        (VOLUME if slices else VOLUME[0], {"photometric": "minisblack"}),
+        (VOLUME, {"imagej": True, "metadata": {"axes": "ZYX" if slices else "TYX"}}),
+        (VOLUME, {"ome": True, "metadata": {"axes": "ZYX" if slices else "CYX"}}),
+        (np.stack([colours] * 3) if slices else colours, {"photometric": "rgb"}),
+    ]
+    for number, (array, settings) in enumerate(written):
+        path = tmp_path / f"{number}.tif"
+        tifffile.imwrite(path, array, **settings)
+        assert (get_reader(str(path)) is not None) == slices, settings
+
+
+def test_a_stack_of_one_slice_is_a_stack(tmp_path: Path) -> None:
+    path = tmp_path / "slice.tif"
+    save_scan(Scan(VOLUME[:1], (3.0, 0.5, 0.25)), path)
+    reader = get_reader(str(path))
+    assert reader is not None
+    ((data, about, _),) = reader(str(path))
+    np.testing.assert_array_equal(data, VOLUME[:1])
+    assert about["scale"] == pytest.approx((3.0, 0.5, 0.25))
+
+
+def test_a_damaged_tiff_is_taken_and_explained(tmp_path: Path) -> None:
+    path = tmp_path / "bag.tif"
+    path.write_bytes(b"II*\0 and no more")
+    reader = get_reader(str(path))
+    assert reader is not None
+    with pytest.raises(ValueError, match=r"bag\.tif"):
+        reader(str(path))

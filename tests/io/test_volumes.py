@@ -373,11 +373,27 @@ def test_the_voxel_size_of_tiff_tags_is_taken_where_it_was_measured(tmp_path: Pa
     notes = {"axes": "ZYX", "unit": "micron", "zunit": "mm", "spacing": 2.5}
     tifffile.imwrite(path, VOLUME, imagej=True, metadata=notes, resolution=(1 / 750, 1 / 500))
     assert load_volume(path).spacing == pytest.approx(SPACING)
+    # As ImageJ writes the micro sign: in six characters.
+    notes |= {"unit": r"\u00B5m", "zunit": r"\u00b5m", "spacing": 2500}
+    tifffile.imwrite(path, VOLUME, imagej=True, metadata=notes, resolution=(1 / 750, 1 / 500))
+    assert load_volume(path).spacing == pytest.approx(SPACING)
+    assert load_volume(path).assumed == ()
     tifffile.imwrite(
         path, VOLUME, resolution=(72, 72), resolutionunit="INCH", photometric="minisblack"
     )
     assert load_volume(path).spacing == (1.0, 1.0, 1.0)
     assert load_volume(path).assumed == ("it gives no voxel size: 1 mm was assumed",)
+
+
+@pytest.mark.parametrize("shape", [(1, 40, 50), (3, 1, 1), (3, 40, 1), (1, 40, 1), (1, 1, 1)])
+def test_a_tiff_holds_volumes_of_one_slice_or_one_column(
+    tmp_path: Path, shape: tuple[int, int, int]
+) -> None:
+    volume = np.arange(np.prod(shape), dtype=np.uint16).reshape(shape)
+    save_scan(Scan(volume, SPACING), tmp_path / "thin.tif")
+    back = load_volume(tmp_path / "thin.tif")
+    np.testing.assert_array_equal(back.volume, volume, strict=True)
+    assert back.spacing == pytest.approx(SPACING)
 
 
 @pytest.mark.parametrize("suffix", [".nii", ".nii.gz"])
@@ -491,9 +507,14 @@ def test_missing_unknown_and_flat_files_are_named(tmp_path: Path) -> None:
 
 def test_a_missing_package_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "SimpleITK", None)
-    (tmp_path / "bag.mha").write_bytes(b"anything")
-    with pytest.raises(ImportError, match=r"needs SimpleITK, .* pip install SimpleITK"):
-        load_volume(tmp_path / "bag.mha")
+    for name in ("bag.mha", "bag.nii.gz"):
+        suffix = re.escape(name.removeprefix("bag"))
+        (tmp_path / name).write_bytes(b"anything")
+        told = rf"^reading {suffix} files needs SimpleITK, .* pip install SimpleITK"
+        with pytest.raises(ImportError, match=told):
+            load_volume(tmp_path / name)
+        with pytest.raises(ImportError, match=rf"^writing {suffix} files needs SimpleITK"):
+            save_scan(scan(), tmp_path / name)
 
 
 def test_what_cannot_be_written_is_named_and_leaves_nothing(tmp_path: Path) -> None:

@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -181,3 +183,8 @@ def test_large_ids_without_a_sign_are_told_apart():
     labels = np.zeros((8, 8, 8), np.uint64)
     labels[:3], labels[5:] = 2**60, 2**60 + 1
     assert score(labels, labels)["true_objects"] == 2
+
+
+def test_every_number_of_a_score_is_explained():
+    told = set(re.findall(r"\w+", score.__doc__))
+    assert set(score(np.ones((2, 3, 4), int), np.ones((2, 3, 4), int))) <= told

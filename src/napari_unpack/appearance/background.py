@@ -62,10 +62,9 @@ class Background:
         """
         if isinstance(wanted, Background):
             return wanted
-        if isinstance(wanted, np.ndarray) and wanted.ndim == 3:
-            return cls(
-                (_mean_color(_checked_picture(wanted)),), _checked_picture(wanted), "picture"
-            )
+        if isinstance(wanted, np.ndarray) and wanted.ndim > 2:
+            picture = _checked_picture(wanted)
+            return cls((_mean_color(picture),), picture, "picture")
         if isinstance(wanted, str) and wanted.lower() in NAMED:
             name = wanted.lower()
             return cls(tuple(_color(c) for c in NAMED[name]), name=name)
@@ -73,7 +72,10 @@ class Background:
             return cls.of(_read(Path(wanted)))
         if isinstance(wanted, str):
             wanted = wanted.split(",")
-        several = isinstance(wanted[0], str) or not np.isscalar(wanted[0])
+        try:
+            several = isinstance(wanted[0], str) or not np.isscalar(wanted[0])
+        except (TypeError, LookupError) as error:
+            raise ValueError(f"background must be a colour or a picture, got {wanted!r}") from error
         if several:
             if len(wanted) > 2:
                 raise ValueError(f"background must be one or two colours, got {wanted!r}")
@@ -126,12 +128,16 @@ def _read(path: Path) -> NDArray[Any]:
 
     # By name: what Pillow cannot read, imageio would hand to ITK and to ffmpeg.
     with read_errors_told(path, "a picture"):
-        picture: NDArray[Any] = np.asarray(iio.imread(path, plugin="pillow"))
+        # Of an animation the first frame.
+        kind = iio.immeta(path, plugin="pillow", index=0)["mode"]
+        # Grey of more than 8 bits stays as it is: Pillow would cut it off at 255.
+        mode = None if kind.startswith(("I", "F")) else "RGB"
+        picture: NDArray[Any] = np.asarray(iio.imread(path, plugin="pillow", index=0, mode=mode))
     return np.stack([picture] * 3, axis=2) if picture.ndim == 2 else picture
 
 
 def _checked_picture(picture: NDArray[Any]) -> NDArray[np.uint8]:
-    if picture.shape[2] not in (3, 4) or 0 in picture.shape:
+    if picture.ndim != 3 or picture.shape[2] not in (3, 4) or 0 in picture.shape:
         raise ValueError(f"background must be an (H, W, 3 or 4) picture, got {picture.shape}")
     rgb = picture[..., :3]
     if rgb.dtype == np.uint8:
@@ -172,7 +178,10 @@ def _color(wanted: str | Sequence[float]) -> Color:
                 f"comma between, numbers, or a picture; got {wanted!r}"
             )
         wanted = [int(digits[k : k + 2], 16) / 255 for k in (0, 2, 4)]
-    values = [float(v) for v in wanted]
+    try:
+        values = [float(v) for v in wanted]
+    except TypeError as error:
+        raise ValueError(f"background must be RGB or RGBA in [0, 1], got {wanted!r}") from error
     if len(values) not in (3, 4) or not all(0.0 <= v <= 1.0 for v in values):
         raise ValueError(f"background must be RGB or RGBA in [0, 1], got {wanted!r}")
     r, g, b, a = [*values, 1.0][:4]

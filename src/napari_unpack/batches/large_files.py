@@ -15,7 +15,7 @@ from napari_unpack.batches.cluster import (
     cluster_client,
     losses_told,
 )
-from napari_unpack.io.ome_zarr import labels_zarr, stored_volume
+from napari_unpack.io.ome_zarr import is_label_image, labels_zarr, stored_volume
 from napari_unpack.memory import free_memory
 from napari_unpack.read_errors import read_errors_told
 from napari_unpack.tasks import Progress
@@ -73,7 +73,8 @@ def segment_zarr(
     ImportError
         If dask.distributed is missing, where a cluster is asked for.
     ValueError
-        If the source is no such image, the output is there and no Zarr, or nothing is found.
+        If the source is no such image, the output is there and holds no labels, or nothing is
+        found.
     OSError
         If no scheduler answers, the cluster is lost, or the disk has too little space.
     MemoryError
@@ -96,7 +97,7 @@ def segment_zarr(
             client = stack.enter_context(cluster_client([], None, scheduler, count))
             stack.enter_context(losses_told())
             check_versions(client)
-        place = stack.enter_context(folder_written_atomically(output, _is_zarr))
+        place = stack.enter_context(folder_written_atomically(output, is_label_image))
         labels = stack.enter_context(
             labels_zarr(place, array.shape, "int32", stored.spacing, stored.scanner_from_scan)
         )
@@ -122,7 +123,3 @@ def _damage_told(source: Path) -> Iterator[None]:
         # Chunks are unpacked while objects are found, long after the image was opened; what unpacks
         # them has errors of no type of its own.
         raise ValueError(f"{source}: {error}; is one of its chunks damaged?") from error
-
-
-def _is_zarr(folder: Path) -> bool:
-    return any((folder / mark).exists() for mark in (".zgroup", "zarr.json", ".zarray"))

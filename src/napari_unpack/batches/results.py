@@ -143,7 +143,8 @@ def session_in(place: Path, scan: str | None = None) -> Path:
     FileNotFoundError
         If there is nothing.
     ValueError
-        If it is neither, or a run of several scans and none of them is named.
+        If it is neither, a session alone of which a scan is named, or a run of several scans and
+        none of them is named.
     """
     if not place.exists():
         raise FileNotFoundError(f"no such session or folder: {place}")
@@ -151,6 +152,8 @@ def session_in(place: Path, scan: str | None = None) -> Path:
     if scan is None and one.exists():
         return one
     found = {result.scan: place / result.folder / SESSION for result in results_in(place)}
+    if not found and one.exists():
+        raise ValueError(f"{place} is one session: leave --scan out")
     if not found:
         raise ValueError(f"{place} is neither a session nor a folder that `batch` made")
     if scan is None and len(found) == 1:

@@ -23,6 +23,7 @@ from napari_unpack.io.itk_header import stored_as
 from napari_unpack.io.nifti import check_nifti, refuse_nifti_2
 from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import Spacing, checked_spacing, checked_volume_array
+from napari_unpack.io.volumes import suffix_of
 
 ORIENTATION = "LPI"
 """x to the left, y to the back, z to the feet: with z towards the viewer, y down and x right,
@@ -49,7 +50,7 @@ def read_itk(path: Path, large: bool = False) -> FileData:
     ImportError
         If SimpleITK is missing.
     """
-    sitk = needed("SimpleITK", "SimpleITK", f"reading {path.suffix} files")
+    sitk = needed("SimpleITK", "SimpleITK", f"reading {suffix_of(path)} files")
     # ITK prints to the terminal what the error below says in a sentence.
     sitk.ProcessObject.SetGlobalWarningDisplay(False)
     # Before ITK sees it: a name that leads into a network would be opened by asking for it.
@@ -151,7 +152,7 @@ def write_itk(
     OSError
         If it could not be written whole.
     """
-    sitk = needed("SimpleITK", "SimpleITK", f"writing {path.suffix} files")
+    sitk = needed("SimpleITK", "SimpleITK", f"writing {suffix_of(path)} files")
     # ITK prints to the terminal what the errors below say in a sentence.
     sitk.ProcessObject.SetGlobalWarningDisplay(False)
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -19,11 +20,11 @@ LayerData = tuple[Any, dict[str, Any], str]
 def get_reader(path: str | Sequence[str]) -> Callable[[Any], list[LayerData]] | None:
     """Return a reader for what napari was asked to open, None where it is not ours.
 
-    Of several files, the slices of a DICOM series, the first is looked at. Names alone count, so
-    that napari stays quick: broken files are reported when read. An .npz is ours if it holds an
-    array `volume` or `labels`.
+    Of several files, the slices of a DICOM series, the first is looked at. Names count, so that
+    napari stays quick: broken files are reported when read. An .npz is ours if it holds an array
+    `volume` or `labels`, a TIFF if it holds slices: photographs are left to napari.
     """
-    from napari_unpack.io.volumes import READABLE, suffix_of
+    from napari_unpack.io.volumes import READABLE, TIFF_SUFFIXES, suffix_of
 
     first = Path(path if isinstance(path, str) else path[0])
     # Not Path's: a name that is too long is an error there.
@@ -32,6 +33,8 @@ def get_reader(path: str | Sequence[str]) -> Callable[[Any], list[LayerData]] | 
     suffix = suffix_of(first)
     # .npz is anyone's format: only ours are taken, so that other plugins may read the rest.
     if suffix not in READABLE or (suffix == ".npz" and not _is_ours(first)):
+        return None
+    if suffix in TIFF_SUFFIXES and not _has_slices(first):
         return None
     return read_layers
 
@@ -149,6 +152,31 @@ def _is_ours(path: Path) -> bool:
     keys = _keys(path)
     # A broken archive is ours too: the reader says what is wrong with it.
     return not keys or bool(keys & {"volume", "labels"})
+
+
+def _has_slices(path: Path) -> bool:
+    """Return whether a TIFF holds a volume, by its header."""
+    # A pipe would be waited for.
+    if not os.path.isfile(path):
+        return True
+    import tifffile
+
+    from napari_unpack.read_errors import read_errors_told
+
+    try:
+        with read_errors_told(path), tifffile.TiffFile(path) as file:
+            if file.is_ome:
+                # Not by its series: its parts may be files of any place, which would be opened.
+                counts = re.findall(r'SizeZ="(\d+)"', file.ome_metadata or "")
+                return any(int(count) > 1 for count in counts)
+            axes = file.series[0].axes
+            # As `read_tiff` has it: a picture with a distance of slices is a stack of one, and
+            # pages without a meaning (I, Q) are slices.
+            alone = axes == "YX" and "spacing" in (file.imagej_metadata or {})
+            return alone or bool(set(axes) & set("ZIQ"))
+    except (OSError, ValueError):
+        # Ours too: the reader says what is wrong with it.
+        return True
 
 
 def _is_zarr(folder: Path) -> bool:

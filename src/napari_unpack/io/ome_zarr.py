@@ -257,6 +257,17 @@ def stored_volume(path: Path) -> tuple[Any, FileData]:
     return array, found
 
 
+def is_label_image(path: Path) -> bool:
+    """Tell whether a folder says of itself that it is a label image, as `labels_zarr` writes one.
+
+    Any other Zarr may be a scan, and the only copy of it.
+    """
+    try:
+        return "image-label" in _attributes(_opened(path))
+    except ValueError:
+        return False
+
+
 def _opened(path: Path) -> Any:
     zarr = needed("zarr", "zarr", "reading OME-Zarr")
     try:

@@ -47,8 +47,8 @@ def score(truth: ArrayLike, found: ArrayLike) -> dict[str, float]:
         fragmentation_rate, merge_rate
             Share of true objects that more than one found object covers to at least 5 %; share
             of true objects that lie to at least 5 % in a found one that does so for another.
-        count_error
-            |found - true| / true, of objects.
+        true_objects, found_objects, count_error
+            How many there are, and |found - true| / true.
         false_foreground, missed_foreground
             Found voxels outside the truth, over all found voxels; and the reverse.
 

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -153,6 +154,15 @@ class Oracle:
         if not _fits(oracle):
             raise ValueError(f"{path} is a damaged oracle: its arrays do not fit each other")
         return oracle
+
+
+def is_oracle(path: str | Path) -> bool:
+    """Return whether a file is an oracle, of this or another version; no array is read."""
+    try:
+        with ZipFile(path) as archive:
+            return {"format.npy", "features.npy"} <= set(archive.namelist())
+    except (OSError, BadZipFile):
+        return False
 
 
 _ARRAYS = ("center", "scale", "axes", "quantiles", "logistic")
