@@ -34,6 +34,10 @@ def test_small_lengths_keep_two_digits_of_the_longest() -> None:
     assert [MM.edges([mm]) for mm in lengths] == told
     assert MM.edges([0.0012, 0.0003]) == "0.0012 × 0.0003"
     assert MM.edges([0.0]) == "0.000"
+    # What is thin beside the longest is not told as nothing.
+    assert MM.edges([42.0, 30.0, 0.4]) == "42 × 30 × 0.4"
+    assert MM.edges([1200.0, 0.5, 0.00003, 0.0]) == "1200 × 0.5 × 0.00003 × 0"
+    assert LengthUnit(MICRO, 1000.0).edges([0.03, 0.0004]) == "30 × 0.4"
     assert MM.edges([float("inf")]) == "inf"
 
 

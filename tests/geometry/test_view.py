@@ -53,6 +53,32 @@ def test_projection_in_numbers() -> None:
     np.testing.assert_allclose(near.project((25, 10, 6), (50, 50)), (24.5 + 10, 24.5 + 6))
 
 
+def test_without_perspective_a_plane_stays_and_what_is_before_it_comes_to_its_size() -> None:
+    # The eye is 50 mm away; 25 mm towards it everything is twice as large.
+    near = Camera(np.eye(3), np.zeros(3), height=100.0, fov=90.0)
+    size, middle, seen = (50, 50), 24.5, np.array([10.0, 6.0])
+    in_plane, before, behind = (25, 10, 6), (30, 10, 6), (0, 10, 6)
+    flat, half = near.flattened(25.0), near.flattened(25.0, 0.5)
+    assert flat is not None
+    assert half is not None
+    for point in (in_plane, before, behind):
+        np.testing.assert_allclose(flat.pixels(point, size), middle + seen)
+    # Half way to there the eye is twice as far away: 75 mm from the plane, 70 mm from the other.
+    np.testing.assert_allclose(half.pixels(in_plane, size), middle + seen)
+    np.testing.assert_allclose(half.pixels(before, size), middle + seen * 75 / 70)
+    assert near.flattened(25.0, 0.0) is near
+    assert near.flattened(50.0) is None
+
+
+@pytest.mark.parametrize("fov", [0.0, 90.0])
+def test_a_ray_goes_through_all_that_its_pixel_shows(fov: float) -> None:
+    camera = Camera(np.eye(3), np.zeros(3), height=100.0, fov=fov)
+    start, way = camera.ray((34.5, 18.5), (50, 50))
+    np.testing.assert_allclose(start, (0, 20, -12))
+    # Twice as near to an eye 50 mm away a point is half as far from the middle.
+    np.testing.assert_allclose(start - 25 * way, (25, 10, -6) if fov else (25, 20, -12))
+
+
 def test_orthographic_keeps_all_but_the_perspective() -> None:
     view = View(direction=(1, 2, 3), fov=30.0, height=80.0)
     assert view.orthographic() == View(direction=(1, 2, 3), height=80.0)

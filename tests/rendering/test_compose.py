@@ -18,8 +18,10 @@ from napari_unpack.io.images import straight_bytes
 from napari_unpack.memory import PICTURE_BYTES
 from napari_unpack.rendering import compose, object_casting
 from napari_unpack.rendering.image_patch import ImagePatch
+from napari_unpack.rendering.rulers import Ruler
 from napari_unpack.rendering.scene import Scene, SceneDifference
 from napari_unpack.session import Session
+from napari_unpack.unpacking import Flight
 
 object_image = partial(compose.object_image, backend="cpu")
 packed_image = partial(compose.packed_image, backend="cpu")
@@ -221,7 +223,8 @@ def test_a_scene_shows_the_bag_what_flies_and_the_sprites() -> None:
     full = scene_image(scene, camera, SIZE)
     pose = Pose(np.array([0.0, 0.0, 60.0]), np.eye(3))
     flight = SimpleNamespace(
-        pose=lambda time, camera: Pose(np.array([50.0, -time, -60]), np.eye(3))
+        pose=lambda time, camera: Pose(np.array([50.0, -time, -60]), np.eye(3)),
+        flatness=lambda time, camera: 0.5,
     )
     scene = replace(scene, packed=frozenset({3}), poses={1: pose}, flights={2: flight})
     later = scene_image(scene, camera, SIZE, time=40.0)
@@ -238,6 +241,45 @@ def test_a_scene_shows_the_bag_what_flies_and_the_sprites() -> None:
     assert seen(later, 2) == pytest.approx(seen(full, 2), abs=0.5)
     assert full.shape == (*SIZE, 4)
     assert later[..., 3].min() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("fov", [0.0, 60.0])
+def test_a_ruler_lies_upon_the_sprite_that_was_measured(fov: float) -> None:
+    size, camera = (240, 320), Camera(np.eye(3), np.full(3, 20.0), 60.0, fov)
+    # From corner to corner of the face towards the viewer: a rectangle of 14 by 7 mm.
+    ends = np.array([[15.0, 5.0, 6.0], [15.0, 19.0, 13.0]])
+    still = replace(
+        make_scene(),
+        packed=frozenset(),
+        poses={1: Pose(np.array([0.0, -10.0, 25.0]), np.eye(3))},
+        decorations=Decorations.of("black", []),
+    )
+    # Of a number that nobody sees.
+    measured = replace(still, rulers=(Ruler(frozenset({1}), ends, (" ",)),))
+    plain = scene_image(still, camera, size, shading=None)
+    seen = np.argwhere(plain[..., :3].max(axis=-1) > 0.1)
+    drawn = np.argwhere(np.abs(scene_image(measured, camera, size, shading=None) - plain).max(-1))
+    # 4 pixels a mm; the object is half a voxel wider, the crosses reach 4 pixels.
+    np.testing.assert_allclose(seen.mean(axis=0), (79.5, 259.5), atol=1.5)
+    np.testing.assert_allclose((drawn.min(axis=0) + drawn.max(axis=0)) / 2, (79.5, 259.5), atol=1.5)
+    np.testing.assert_allclose(np.ptp(drawn, axis=0), (14 * 4 + 8, 7 * 4 + 8), atol=3)
+
+
+@pytest.mark.parametrize("fov", [0.0, 60.0])
+def test_where_a_flight_ends_it_looks_as_its_sprite_does(fov: float) -> None:
+    camera = Camera(np.eye(3), np.full(3, 20.0), 60.0, fov)
+    target = Pose(np.array([0.0, -10.0, 25.0]), rotation_about((1, 2, 3), 1.0))
+    waiting = replace(make_scene(), packed=frozenset(), poses={1: target})
+    box_center = waiting.boxes.center(1, waiting.spacing)
+    flight = Flight(1, box_center, np.array([1.0, 0.0, 0.0]), 40.0, target)
+    flying = replace(waiting, flights={1: flight})
+    black = Decorations.of("black", [])
+    last, sprite = (
+        scene_image(scene, camera, (240, 320), time, decorations=black)[..., :3].max(axis=-1) > 0.1
+        for scene, time in ((flying, flight.start + flight.seconds), (waiting, None))
+    )
+    # A sprite stands at whole pixels, and is cast three times as finely.
+    assert np.count_nonzero(last != sprite) < 0.05 * np.count_nonzero(sprite)
 
 
 def test_a_frame_casts_neither_the_bag_nor_the_sprites_again(monkeypatch: Any) -> None:

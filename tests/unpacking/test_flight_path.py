@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -54,6 +55,25 @@ def test_a_flight_starts_packed_and_ends_at_its_slot(fov, direction):
     assert_same(flight().pose(12.0, now), flight().target)
     assert_same(flight().pose(-5.0, now), packed_pose(CENTER, now))
     assert_same(flight().pose(99.0, now), flight().target)
+
+
+def test_it_is_seen_as_the_bag_is_until_clear_of_it_and_as_its_sprite_at_its_slot():
+    now, going = camera(fov=30.0), flight()
+    clear = 10.0 + 2.0 * going.first_leg(now)
+    assert [going.flatness(time, now) for time in (-5.0, 10.0, clear, 12.0, 99.0)] == [
+        0,
+        0,
+        0,
+        1,
+        1,
+    ]
+    # Smoothly: half of it half way through the rest.
+    assert going.flatness((clear + 12.0) / 2, now) == pytest.approx(0.5)
+    # Turned round, and sent elsewhere, it does not jump.
+    back, bent = going.reversed(11.5), going.toward(replace(going.target, scale=1.0), 11.5)
+    for other in (back, bent):
+        assert other.flatness(11.5, now) == pytest.approx(going.flatness(11.5, now))
+    assert (back.flatness(13.0, now), bent.flatness(12.0, now)) == (0, 1)
 
 
 def test_the_box_centre_lands_on_u():

@@ -128,8 +128,8 @@ def the_crosshair_of_slices_is_where_napari_has_its_voxel(placed, qtbot) -> None
         there = naparis_pixels(viewer, labels, np.array([linked.crosshair], dtype=float))[0]
         assert np.abs(there - (row, col)).max() < 6
         linked.point_at(linked.crosshair)
-        point = linked.marker.point_in(controller.frame)
-        marked = controller.frame.camera.pixels(point, controller.frame.size)
+        point, camera = linked.marker.point_in(controller.frame)
+        marked = camera.pixels(point, controller.frame.size)
         np.testing.assert_allclose(marked, there, atol=0.02)
     linked.close()
 
@@ -251,3 +251,57 @@ def test_an_object_inspected_turns_with_the_hand_on_a_mirrored_bag_too(
     # What faced the viewer has followed the mouse to the right.
     assert (pose.rotation @ pose.stretch @ towards)[2] > 0.5
     controller.close()
+
+
+def test_axes_in_another_order_take_the_bag_and_what_has_left_it_along(
+    make_napari_viewer_proxy, bag
+) -> None:
+    viewer = make_napari_viewer_proxy(show=True)
+    viewer.window.resize(620, 480)
+    place = {"scale": (3.0, 1.0, -1.5), "rotate": (20.0, 0.0, 0.0), "translate": (4, 5, 6)}
+    image = viewer.add_image(bag[0], **place)
+    labels = viewer.add_labels(bag[1].astype(np.int32), visible=False, **place)
+    session = Session(*bag, spacing=(3.0, 1.0, 1.5))
+    controller = SessionController(viewer, session, [image, labels])
+    controller.overlays.outlines_unpackable = controller.recolor_at_rest = False
+    controller.open()
+    assert controller.settle(60)
+    (left,) = controller.unpack(1)[:1]
+    controller.finish()
+    assert controller.settle(60)
+    voxels = np.array([session.boxes.center(i, np.ones(3)) for i in session.ids])
+
+    def look(order) -> None:
+        assert controller.settle(60)
+        frame = controller.frame
+        pixels = frame.camera.project(voxels * session.spacing, frame.size)
+        # napari tells a hidden layer of no other order.
+        labels.visible = True
+        theirs = naparis_pixels(viewer, labels, voxels[:, order])
+        labels.visible = False
+        np.testing.assert_allclose(pixels, theirs, atol=0.02)
+        # An odd order mirrors a bag that is mirrored by its layer already.
+        odd = order in ([0, 2, 1], [1, 0, 2], [2, 1, 0])
+        assert np.linalg.det(frame.camera.stretch) == pytest.approx(1.0 if odd else -1.0)
+        assert controller.framing.is_fit
+        assert (pixels > 0).all()
+        assert (pixels < np.array(frame.size) - 1).all()
+        at = frame.camera.pixels(session.poses[left].center, frame.size)
+        assert controller.interaction.sprite_at(at) == left
+        shape = session.poses[left].rotation @ session.poses[left].stretch
+        assert np.linalg.det(shape) * np.linalg.det(frame.camera.linear) > 0
+
+    angles = viewer.scene.camera.angles
+    for order in ([1, 2, 0], [0, 2, 1]):
+        viewer.dims.order = tuple(order)
+        look(order)
+        # As with napari's own layers, the bag is seen from another side by that.
+        np.testing.assert_allclose(viewer.scene.camera.angles, angles, atol=1e-3)
+    viewer.dims.ndisplay = 2
+    viewer.dims.order = (2, 0, 1)
+    viewer.dims.ndisplay = 3
+    look([2, 0, 1])
+    controller.close()
+    # In slices again, by a person's own order: all is seen.
+    middle = np.mean(viewer.layers.extent.world, axis=0)[[2, 0, 1]]
+    np.testing.assert_allclose(viewer.scene.camera.center[1:], middle[1:], atol=3)

@@ -153,6 +153,32 @@ def test_closed_in_mid_flight_both_ways(paced, session) -> None:
     controller.close()
 
 
+def test_in_perspective_nothing_jumps_between_the_bag_its_sprite_and_a_hand(
+    paced, session, qtbot
+) -> None:
+    viewer, controller, tell = paced
+    viewer.scene.camera.perspective = 120.0
+    (one,) = controller.unpack(1)
+
+    def flatness() -> float:
+        moving = controller.renderer.animator.moving(session.clock(), controller.frame)
+        return moving[one].flatness
+
+    assert flatness() == 0.0
+    tell(0.99 * LONG)
+    assert flatness() == pytest.approx(1.0, abs=0.01)
+    tell(0.1 * LONG)
+    assert controller.settle(30)
+    sprite = controller.sprites.sprites[one].place
+    controller.renderer.held.turn(one, np.eye(3))
+    qtbot.waitUntil(lambda: one in controller.transition.images, timeout=10000)
+    held = controller.transition.images[one].quad(controller.frame.camera).place
+    # A pixel of what moves is up to two and a half of the screen.
+    atol = 2.5 * controller.frame.camera.height / controller.frame.size[0]
+    np.testing.assert_allclose(held.center[1:], sprite.center[1:], atol=atol)
+    np.testing.assert_allclose(held.half, sprite.half, atol=atol)
+
+
 def test_sent_home_while_a_hand_holds_it_it_flies_and_is_seen_once(paced, session) -> None:
     _, controller, tell = paced
     (one,) = controller.unpack(1)

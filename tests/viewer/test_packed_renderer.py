@@ -155,6 +155,27 @@ def test_while_slow_previews_of_a_turn_are_cast_nothing_is_refined(
     assert renderer.settled
 
 
+def test_for_a_picture_of_another_size_the_full_image_is_there_at_once(still, session) -> None:
+    renderer, scheduler, screen, frame = still
+    larger = Frame(frame.camera, (2 * SIZE[0], 3 * SIZE[1]), np.eye(4))
+    before, passes = screen.image, renderer.passes
+    renderer.set_view(larger)
+    # A window that is resized waits for no image.
+    assert renderer.passes == passes
+    assert screen.image is before
+    renderer.complete()
+    assert renderer.passes == passes + 1
+    assert screen.image.size == larger.size
+    assert screen.image.patch.size[0] > 1.9 * before.patch.size[0]
+    assert renderer.settled
+    # Nothing else is cast for it; the window's own image is cast as ever.
+    assert not scheduler.has("packed")
+    renderer.complete()
+    renderer.set_view(frame)
+    settle(scheduler)
+    np.testing.assert_array_equal(screen.image.patch.rgba, before.patch.rgba)
+
+
 def test_the_bricks_of_the_volume_are_made_once_for_images_picks_and_the_card(
     still, session
 ) -> None:

@@ -164,3 +164,54 @@ def test_nothing_is_drawn_twice_on_a_screen_of_twice_the_pixels() -> None:
         text=True,
     )
     assert "pixels a point: 2.0" in child.stdout, child.stderr
+
+
+def _shown(picture: np.ndarray) -> np.ndarray:
+    """Return (H, W) of bool: where a picture is not of the background, which is in its corner."""
+    colors = np.asarray(picture)[..., :3].astype(int)
+    return np.abs(colors - colors[2, 2]).max(axis=2) > 25
+
+
+def test_a_screenshot_of_twice_the_size_shows_what_the_window_does_further_off(
+    staged: Any, qtbot: Any
+) -> None:
+    viewer, controller = staged
+    controller.recolor_at_rest = controller.overlays.outlines_unpackable = False
+    viewer.scene.camera.zoom *= 1.8
+    at_rest(controller, qtbot)
+    before = canvas(viewer)
+    picture = viewer.screenshot(scale=2, flash=False)
+    at_rest(controller, qtbot)
+    assert (np.abs(canvas(viewer) - before).max(axis=2) > 3).mean() < 0.001
+    viewer.scene.camera.zoom /= 2
+    at_rest(controller, qtbot)
+    wanted, found = _shown(canvas(viewer)), _shown(picture)[::2, ::2]
+    assert found.shape == wanted.shape
+    assert (found & wanted).sum() / (found | wanted).sum() > 0.97
+
+
+def test_a_figure_of_all_holds_the_bag_and_what_is_out_and_moves_nothing(
+    staged: Any, qtbot: Any
+) -> None:
+    viewer, controller = staged
+    controller.recolor_at_rest = controller.overlays.outlines_unpackable = False
+    controller.unpack(3)
+    controller.finish()
+    at_rest(controller, qtbot)
+    assert controller.framing.is_fit
+    parts = ndimage.label(_shown(canvas(viewer)))[1]
+    assert parts >= 4
+    zoom = viewer.scene.camera.zoom
+    for closer in (1.0, 2.5):
+        viewer.scene.camera.zoom = zoom * closer
+        at_rest(controller, qtbot)
+        before, fit = canvas(viewer), controller.framing.is_fit
+        shown = _shown(viewer.export_figure(scale_factor=9, flash=False))
+        assert ndimage.label(shown)[1] == parts
+        assert not shown[[0, -1]].any()
+        assert not shown[:, [0, -1]].any()
+        # Nothing glides back either.
+        assert controller.renderer.glides.settled
+        at_rest(controller, qtbot)
+        assert controller.framing.is_fit == fit == (closer == 1.0)
+        assert (np.abs(canvas(viewer) - before).max(axis=2) > 3).mean() < 0.001

@@ -118,12 +118,14 @@ def test_rulers_and_angles_between_points_of_surfaces(
     middle = 0.5 * np.array(controller.frame.size)
     before = canvas(viewer)
     box.ruler.click()
-    click(middle - 18)
-    click(middle + 18)
+    # Across the one that was made on its sprite.
+    click(middle + np.array([-18, 18]))
+    click(middle + np.array([18, -18]))
     qtbot.waitUntil(lambda: len(session.measurements) == 3, timeout=5000)
     row, col = np.round(middle).astype(int)
     drawn = np.abs(canvas(viewer) - before).max(axis=-1) > 60
-    assert np.diag(drawn[row - 15 : row + 15, col - 15 : col + 15]).mean() > 0.9
+    near = drawn[row - 15 : row + 16, col - 15 : col + 16]
+    assert np.diag(near[:, ::-1]).mean() > 0.8
     qtbot.keyClick(widget, Qt.Key.Key_Z, CONTROL)
     qtbot.waitUntil(lambda: box.list.count() == 2, timeout=5000)
     rest(panel, qtbot)
@@ -150,6 +152,38 @@ def test_rulers_and_angles_between_points_of_surfaces(
     box.list.setCurrentRow(2)
     box.remove.click()
     qtbot.waitUntil(lambda: box.list.count() == 2, timeout=5000)
+
+
+def test_in_perspective_clicks_on_a_sprite_are_on_what_the_sprite_shows_there(
+    panel: Any, piled: Any, viewer: Any, qtbot: QtBot
+) -> None:
+    session, controller, box = piled, panel.workspace.controller, panel.measure
+    controller.recolor_at_rest, controller.seconds = False, 0.05
+    viewer.scene.camera.perspective = 60.0
+    widget = compat.native_canvas(viewer).native
+    (out,) = controller.unpack(1)
+    rest(panel, qtbot)
+    frame, pose = controller.frame, session.poses[out]
+    middle = frame.camera.pixels(pose.center, frame.size)
+    clicked = [np.round(middle) + aside for aside in ((-9, -6), (9, 6))]
+    before = canvas(viewer)
+    box.ruler.click()
+    for row, col in clicked:
+        QTest.mouseClick(widget, LEFT, PLAIN, pos=QPoint(int(col), int(row)))
+        qtbot.wait(15)
+    qtbot.waitUntil(lambda: len(session.measurements) == 1, timeout=5000)
+    (made,) = session.measurements
+    # A sprite is orthographic: what is beside its middle does not depend on depth.
+    pixels_a_mm = frame.size[0] / frame.camera.height
+    for point, pixel in zip(made.points, clicked, strict=True):
+        away = np.array(point.at) - session.boxes.center(out, session.spacing)
+        beside = pixels_a_mm * pose.scale * (pose.rotation @ away)[1:]
+        np.testing.assert_allclose(middle + beside, pixel, atol=0.6)
+    # The line is drawn between the clicks.
+    rest(panel, qtbot)
+    drawn = np.abs(canvas(viewer) - before).max(axis=-1) > 60
+    between = np.round(np.linspace(*clicked, 15)).astype(int)
+    assert drawn[tuple(between.T)].mean() > 0.9
 
 
 def test_an_angle_is_exact_and_nothing_is_not_measured() -> None:

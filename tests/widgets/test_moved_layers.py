@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from napari.utils.notifications import Notification, notification_manager
 from pytestqt.qtbot import QtBot
+from qtpy.QtCore import Qt
 from qtpy.QtWidgets import QMessageBox
 
 from mouse import LEFT
@@ -72,3 +73,33 @@ def test_a_voxel_size_that_is_set_back_is_offered_no_more(
         assert panel.segment.rescale.isHidden() == (not offered)
     said = [each.message for each in notification_manager.records[before:]]
     assert sum(words.startswith("The voxels of 'bag'") for words in said) == 2
+
+
+def test_a_voxel_size_that_is_typed_while_a_session_is_open_is_offered(
+    panel: Any, image: Any, qtbot: QtBot
+) -> None:
+    session = panel.workspace.session
+    panel.segment.fold.setChecked(False)
+    size = panel.segment.voxels.size
+    size.setText("4 1 1")
+    size.setModified(True)
+    qtbot.keyClick(size, Qt.Key.Key_Return)
+    rest(panel, qtbot)
+    for layer in panel.workspace.controller.sources:
+        np.testing.assert_allclose(layer.scale, (4, 1, 1))
+    np.testing.assert_allclose(session.spacing, (2, 1, 1))
+    assert not panel.segment.rescale.isHidden()
+
+
+def test_an_image_that_becomes_a_picture_leaves_the_bag_where_it_is(
+    panel: Any, image: Any, qtbot: QtBot
+) -> None:
+    rest(panel, qtbot)
+    layers = panel.workspace.controller.layers
+    before = [_world(layer) for layer in layers]
+    image.data = np.zeros((10, 12), np.float32)
+    image.scale = (3, 5)
+    rest(panel, qtbot)
+    assert panel.segment.rescale.isHidden()
+    for layer, where in zip(layers, before, strict=True):
+        np.testing.assert_array_equal(_world(layer), where)

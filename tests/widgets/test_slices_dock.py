@@ -104,9 +104,9 @@ def test_the_crosshair_follows_the_mouse_over_a_slice_into_the_others_and_the_3d
     assert name in slices.dock.where.text()
 
     frame = slices.controller.frame
-    point = linked.marker.point_in(frame)
+    point, camera = linked.marker.point_in(frame)
     there = frame.camera.project(np.array(inside) * session.spacing, frame.size)
-    np.testing.assert_allclose(frame.camera.pixels(point, frame.size), there, atol=1e-6)
+    np.testing.assert_allclose(camera.pixels(point, frame.size), there, atol=1e-6)
     assert linked.marker in slices.controller.overlays.drawings
     assert linked.marker.quads_at(frame)
     move(slices.x, QPoint(1, 1))
@@ -139,8 +139,8 @@ def test_the_slices_follow_the_mouse_over_objects_and_sprites_in_the_3d_view(
         assert linked.marker.point_in(frame) is None
         # Shown from the slices, the same point is under the mouse: on the sprite too.
         linked.point_at(linked.crosshair)
-        point = linked.marker.point_in(frame)
-        assert np.abs(frame.camera.pixels(point, frame.size) - (row, col)).max() < 4
+        point, camera = linked.marker.point_in(frame)
+        assert np.abs(camera.pixels(point, frame.size) - (row, col)).max() < 4
     drawn(slices.dock, qtbot)
     assert slices.z.plane.cut(session.labels, linked.crosshair[0]).any()
 

@@ -7,14 +7,17 @@ import numpy as np
 import pandas as pd
 import pytest
 from napari.layers import Image
+from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import Qt
 from qtpy.QtTest import QTest
 
 from napari_unpack.geometry.length_unit import MICRO, LengthUnit
 from napari_unpack.io import open_session, save_objects_csv, save_session
+from napari_unpack.io.file_data import NO_VOXEL_SIZE
 from napari_unpack.io.report import save_objects_page
 from napari_unpack.session.measurements import SurfacePoint
+from napari_unpack.widgets.narrow import SIZED
 from napari_unpack.widgets.object_model import Column
 from napari_unpack.widgets.theme import GAP
 from napari_unpack.widgets.voxel_size import VoxelSize
@@ -78,9 +81,13 @@ def test_voxel_sizes_are_whole_beside_the_choice_of_unit(qtbot: QtBot) -> None:
     box = VoxelSize()
     qtbot.addWidget(box)
     box.show_layer(Image(np.zeros((2, 2, 2)), scale=(2.5, 1.951, 1.951)))
-    beside = box.names.sizeHint().width() + GAP
-    for text in ("2.5\u2009×\u20091.95\u2009×\u20091.95", "2.5×1.95×1.95", "2.5×2×2"):
-        box.resize(beside + box.size.fontMetrics().horizontalAdvance(text), 28)
+    measure = box.size.fontMetrics().horizontalAdvance
+    # What a line to type into has around its text.
+    frame = box.size.sizeHint().width() - SIZED * measure("x")
+    beside = box.names.sizeHint().width() + GAP + frame
+    wide = "2.5\u2009×\u20091.95\u2009×\u20091.95"
+    for text in (wide, "2.5×1.95×1.95", "2.5 1.95 1.95", "2.5 2 2"):
+        box.resize(beside + measure(text), 28)
         box.show()
         assert box.size.text() == text
 
@@ -123,3 +130,66 @@ def test_what_had_to_be_assumed_of_the_file_stands_below_the_voxel_size(
     assert shown.assumed.text() == "Of the file: it gives no voxel size: 1 mm was assumed."
     shown.show_layer(Image(data))
     assert not shown.assumed.isVisibleTo(shown)
+
+
+def _type_size(panel: Any, text: str) -> None:
+    size = panel.segment.voxels.size
+    size.setFocus()
+    size.selectAll()
+    QTest.keyClicks(size, text)
+    QTest.keyClick(size, Qt.Key.Key_Return)
+
+
+def test_the_voxel_size_is_typed_and_is_that_of_the_volume_and_the_labels_on_it(
+    viewer: Any, panel: Any, qtbot: QtBot
+) -> None:
+    volume, ids = np.zeros((8, 9, 10), np.uint16), np.ones((8, 9, 10), np.uint8)
+    said = ("it holds 2 images: the first was taken", NO_VOXEL_SIZE)
+    image = viewer.add_image(volume, rotate=(0, 0, 30), metadata={"assumed": said})
+    labels = viewer.add_labels(ids, rotate=(0, 0, 30))
+    # Neither has the shape of the image, or its size.
+    small, other = viewer.add_labels(ids[1:]), viewer.add_labels(ids, scale=(5, 5, 5))
+    panel.segment.volume_input.choose(image)
+    voxels = panel.segment.voxels
+    assert (voxels.size.text(), voxels.names.currentText()) == (ONE, "voxels")
+    _type_size(panel, "3 0.51234 0.5")
+    for layer in (image, labels):
+        np.testing.assert_allclose(layer.scale, (3, 0.51234, 0.5))
+        np.testing.assert_allclose(layer.data_to_world((2, 0, 0)), (6, 0, 0), atol=1e-12)
+    for layer, scale in ((small, 1), (other, 5)):
+        np.testing.assert_allclose(layer.scale, (scale,) * 3)
+    assert voxels.names.currentText() == "mm"
+    assert "3 × 0.51234 × 0.5 mm" in voxels.size.toolTip()
+    assert "0.51234" not in voxels.size.text()
+    assert voxels.assumed.text() == f"Of the file: {said[0]}."
+    # Numbers that are left as they are shown keep what they were rounded from.
+    # Qt's keys for tests know no thin space.
+    _type_size(panel, voxels.size.text().replace("3", "2").replace("\u2009", " "))
+    np.testing.assert_allclose(image.scale, (2, 0.51234, 0.5))
+
+
+@pytest.mark.parametrize(
+    "text", ["3 1", "3 1 1 1", "0 1 1", "-1 1 1", "nan 1 1", "inf 1 1", "a b c"]
+)
+def test_a_voxel_size_that_is_none_is_refused_in_a_sentence(
+    viewer: Any, panel: Any, text: str
+) -> None:
+    image = viewer.add_image(np.zeros((8, 9, 10), np.uint16), scale=(2, 1, 1))
+    panel.segment.volume_input.choose(image)
+    before = len(notification_manager.records)
+    _type_size(panel, text)
+    (said,) = [notice.message for notice in notification_manager.records[before:]]
+    assert said.startswith("A voxel size must be three positive numbers, of z, y and x")
+    assert said.endswith(f"got {text!r}.")
+    np.testing.assert_allclose(image.scale, (2, 1, 1))
+    assert panel.segment.voxels.size.text() == TWO
+
+
+def test_a_voxel_size_typed_in_micrometres_is_that_of_a_layer_in_micrometres(
+    viewer: Any, panel: Any
+) -> None:
+    image = viewer.add_image(np.zeros((8, 9, 10), np.uint16), scale=(2, 1, 1), units=("um",) * 3)
+    panel.segment.volume_input.choose(image)
+    _type_size(panel, "4 × 1.5 × 1.5")
+    np.testing.assert_allclose(image.scale, (4, 1.5, 1.5))
+    assert panel.segment.voxels.names.currentText() == MICRO

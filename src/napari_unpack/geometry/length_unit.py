@@ -54,12 +54,12 @@ class LengthUnit:
         return self.per_mm / 1000 if self.name == MICRO else self.per_mm if self.name == "mm" else 1
 
     def edges(self, mm: Iterable[float]) -> str:
-        """Write lengths given in the session's mm, without the unit: 25 × 6 × 2."""
+        """Write lengths given in the session's mm, without the unit: 25 × 6 × 2, 42 × 30 × 0.4."""
         lengths = [length * self.per_mm for length in mm]
         longest = max(lengths, default=0.0)
         # Two digits of the longest at least: a tenth of a micrometre is not 0.000 mm.
         places = max(0, 1 - math.floor(math.log10(longest))) if 0 < longest < math.inf else 3
-        return " × ".join(f"{length:.{places}f}" for length in lengths)
+        return " × ".join(_rounded(length, places) for length in lengths)
 
     def volume_unit(self, largest_mm3: float) -> VolumeUnit:
         """Return the unit of volumes up to a largest, which is in the session's mm³."""
@@ -72,6 +72,14 @@ class LengthUnit:
 
 
 MM = LengthUnit()
+
+
+def _rounded(length: float, places: int) -> str:
+    text = f"{length:.{places}f}"
+    # A thin sheet is not 0 thick: its one digit, and no exponent.
+    if length > 0 and not float(text):
+        return np.format_float_positional(length, precision=1, fractional=False, trim="-")
+    return text
 
 
 def density_text(density: float) -> str:

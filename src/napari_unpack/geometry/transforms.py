@@ -99,6 +99,31 @@ class Pose:
         """
         return np.linalg.inv(camera.pivot_from_world()) @ self.pivot_from_world(box_center)
 
+    def camera(self, view: Camera, flatness: float) -> Camera:
+        """Return the camera that an object at this pose is cast with and seen by.
+
+        Parameters
+        ----------
+        view : Camera
+            The view's.
+        flatness : float
+            0 in the view's perspective, 1 as a sprite is (`Camera.flattened`).
+        """
+        # An object at the eye has no plane that could stay.
+        return view.flattened(float(self.center[0]), flatness) or view
+
+    def projection(self, box_center: ArrayLike, view: Camera, flatness: float) -> Projection:
+        """Return how an object at this pose is seen.
+
+        Parameters
+        ----------
+        box_center : (3,) array_like
+            Centre of the object's box, world mm.
+        view, flatness
+            As for `camera`.
+        """
+        return Projection(self.pivot_from_world(box_center), self.camera(view, flatness))
+
     def toward(self, other: Pose, fraction: float) -> Pose:
         """Interpolate to another pose: straight centre, shortest turn, geometric size.
 
@@ -117,6 +142,57 @@ class Pose:
             # Geometric, so that growing from 1 to 2 looks as steady as from 2 to 4.
             scale=self.scale ** (1 - f) * other.scale**f,
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """How an object is seen: from points of the scan to pixels, and from a pixel back.
+
+    Parameters
+    ----------
+    pivot_from_scan : (4, 4) ndarray of float64
+        From the packed bag's world mm to where the object is in pivot space.
+    camera : Camera
+        The view's own; of a sprite the one without perspective that it is drawn with.
+    """
+
+    pivot_from_scan: Matrix
+    camera: Camera
+
+    def pixels(self, points: ArrayLike, size: tuple[int, int]) -> NDArray[np.float64] | None:
+        """Return where points are in the image, (..., 2); None where one is behind the eye.
+
+        Parameters
+        ----------
+        points : (..., 3) array_like
+            mm of the scan.
+        size : (int, int)
+            Height and width of the image, pixels.
+        """
+        pivot = transform_points(self.pivot_from_scan, points)
+        # Just before the eye pixels are millions apart.
+        if (pivot[..., 0] >= 0.98 * self.camera.distance).any():
+            return None
+        return self.camera.pixels(pivot, size)
+
+    def ray(self, pixel: ArrayLike, size: tuple[int, int]) -> tuple[Vector, Vector]:
+        """Return a pixel's ray through the object: a point of it, and its way from the eye.
+
+        Parameters
+        ----------
+        pixel : (2,) array_like
+            Row and column.
+        size : (int, int)
+            Height and width of the image, pixels.
+
+        Returns
+        -------
+        point, way : (3,) ndarray of float64
+            mm of the scan.
+        """
+        point, way = self.camera.ray(pixel, size)
+        scan: Matrix = np.linalg.inv(self.pivot_from_scan).astype(np.float64)
+        return transform_points(scan, point), scan[:3, :3] @ way
 
 
 def packed_pose(box_center: ArrayLike, camera: Camera, offset: ArrayLike = (0, 0, 0)) -> Pose:

@@ -19,6 +19,9 @@ GRAVITY_UP: tuple[float, float, float] = (0.0, -1.0, 0.0)
 # Direction of looking into an open bag that lies on a table: a good first view.
 FROM_ABOVE: tuple[float, float, float] = (0.5, 0.75, 0.3)
 
+# Of the eye's distance: what is nearer to the eye is not seen.
+NEAREST = 1e-6
+
 # Beyond this cosine between looking and gravity, up in the image is -z unless asked otherwise.
 STEEPEST = 0.97
 
@@ -211,6 +214,37 @@ class Camera:
         """Return the same camera without perspective."""
         return replace(self, fov=0.0)
 
+    def flattened(self, towards: float, flatness: float = 1.0) -> Camera | None:
+        """Return the camera with less perspective under which a plane of pivot space stays.
+
+        Parameters
+        ----------
+        towards : float
+            Of the plane, mm towards the viewer from the centre.
+        flatness : float
+            0 gives this camera, 1 an orthographic one.
+
+        Returns
+        -------
+        Camera or None
+            None where the plane is at the eye or behind it, and so not seen.
+
+        Notes
+        -----
+        This is how sprites are projected: their images are orthographic and stand in such a
+        plane. Pivot space is the same for both cameras, as the eye only draws back.
+        """
+        nearness = 1.0 - towards / self.distance
+        if nearness <= NEAREST:
+            return None
+        if not flatness or np.isinf(self.distance):
+            return self
+        # The inverse of the eye's distance, which has no infinity.
+        closeness = (1.0 - flatness) / self.distance
+        height = self.height * nearness / (1.0 - towards * closeness)
+        fov = 2.0 * np.degrees(np.arctan(height * closeness / 2.0))
+        return replace(self, height=float(height), fov=float(fov))
+
     def pivot_from_world(self) -> Matrix:
         """Return the (4, 4) map from world mm to pivot space (towards, down, right)."""
         matrix = np.eye(4)
@@ -233,6 +267,27 @@ class Camera:
         scale = size[0] / self.height / (1.0 - p[..., 0] / self.distance)
         middle = (np.asarray(size, dtype=np.float64) - 1) / 2
         return middle + p[..., 1:] * scale[..., None]
+
+    def ray(self, pixel: ArrayLike, size: tuple[int, int]) -> tuple[Vector, Vector]:
+        """Return a pixel's ray in pivot space: its point of the pivot plane, its way from the eye.
+
+        Parameters
+        ----------
+        pixel : (2,) array_like
+            Row and column.
+        size : (int, int)
+            Height and width of the image in pixels.
+
+        Returns
+        -------
+        point, way : (3,) ndarray of float64
+            mm. One mm of the way leads one mm away from the viewer.
+        """
+        middle = (np.asarray(size, dtype=np.float64) - 1) / 2
+        down, right = (np.asarray(pixel, dtype=np.float64) - middle) * self.height / size[0]
+        # The distance is infinite without perspective: all ways are parallel then.
+        way = np.array([-1.0, down / self.distance, right / self.distance])
+        return np.array([0.0, down, right]), way
 
     def project(self, world_points: ArrayLike, size: tuple[int, int]) -> NDArray[np.float64]:
         """Project world points to pixels (row, column); see `pixels`.

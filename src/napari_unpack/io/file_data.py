@@ -25,8 +25,8 @@ _AXIS_NAMES = {"c": "channel", "t": "time point"}
 _ONE = {
     **dict.fromkeys(("angstrom", "ångström", "Å", "A"), 1e-7),
     **dict.fromkeys(("nanometer", "nm"), 1e-6),
-    # ImageJ writes the micro sign escaped; there are two signs that look alike.
-    **dict.fromkeys(("micrometer", "micron", "microns", "um", "µm", "μm", "\\u00b5m"), 1e-3),
+    # There are two micro signs that look alike.
+    **dict.fromkeys(("micrometer", "micron", "microns", "um", "µm", "μm"), 1e-3),
     **dict.fromkeys(("millimeter", "mm"), 1.0),
     **dict.fromkeys(("centimeter", "cm"), 10.0),
     **dict.fromkeys(("decimeter", "dm"), 100.0),

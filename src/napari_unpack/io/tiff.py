@@ -47,6 +47,9 @@ def read_tiff(path: Path, large: bool = False) -> FileData:
         check_size(path, *_size(image, path), large)
         array = image.asarray()
         axes = _axes(image.axes)
+        # A picture has no distance of slices: this is a stack of one.
+        if axes == "yx" and "spacing" in (file.imagej_metadata or {}):
+            array, axes = array[None], "zyx"
         spacing = _imagej(file, assumed) or _ome(file, assumed) or _tags(file, assumed)
     return FileData(array, axes, checked_spacing(spacing, path), assumed=tuple(assumed))
 
@@ -101,11 +104,12 @@ def write_tiff(path: Path, array: NDArray[Any], spacing: Spacing) -> None:
     with written_atomically(path, lambda file: _check_written(file, array)) as temporary:
         tifffile.imwrite(
             temporary,
-            array,
+            # All of ImageJ's axes: of three, one that is 1 long would be taken for another.
+            array[None, :, None, :, :, None],
             imagej=True,
             # TIFF counts pixels a unit, x first; the distance of slices is ImageJ's own field.
             resolution=(1 / spacing[2], 1 / spacing[1]),
-            metadata={"axes": "ZYX", "spacing": spacing[0], "unit": "mm"},
+            metadata={"axes": "TZCYXS", "spacing": spacing[0], "unit": "mm"},
         )
 
 
@@ -115,9 +119,11 @@ def _check_written(path: Path, array: NDArray[Any]) -> None:
 
     with tifffile.TiffFile(path) as file:
         stack = file.series[0]
-        whole = stack.shape == array.shape and stack.dtype == array.dtype
+        # A single slice has no axis of slices in the file.
+        shape = array.shape[1:] if len(array) == 1 else array.shape
+        whole = stack.shape == shape and stack.dtype == array.dtype
         # ImageJ's stacks are one block behind one header: slices are cut from a map of it.
-        found = tifffile.memmap(path, mode="r") if whole else None
+        found = tifffile.memmap(path, mode="r").reshape(array.shape) if whole else None
     ends = [0, -1]
     if found is None or not np.array_equal(
         found[ends], array[ends], equal_nan=array.dtype.kind == "f"
@@ -132,7 +138,7 @@ def _imagej(file: Any, assumed: list[str]) -> Spacing | None:
         return None
     # Rows and slices have units of their own where they differ from that of columns.
     scales = {
-        axis: in_millimetres(notes.get(f"{axis}unit", notes["unit"]), "mm", assumed)
+        axis: in_millimetres(_unescaped(notes.get(f"{axis}unit", notes["unit"])), "mm", assumed)
         for axis in "zyx"
     }
     tags = file.pages[0].tags
@@ -143,6 +149,11 @@ def _imagej(file: Any, assumed: list[str]) -> Spacing | None:
         pixels, units = tags[name].value if name in tags else (1, 1)
         sides.append(units / pixels * scales[axis] if pixels else scales[axis])
     return float(notes.get("spacing", 1.0)) * scales["z"], float(sides[0]), float(sides[1])
+
+
+def _unescaped(unit: object) -> str:
+    """Return a unit of ImageJ's, which writes the micro sign as its code."""
+    return re.sub(r"\\u([0-9a-fA-F]{4})", lambda found: chr(int(found[1], 16)), str(unit))
 
 
 def _ome(file: Any, assumed: list[str]) -> Spacing | None:

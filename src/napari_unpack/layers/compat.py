@@ -179,6 +179,42 @@ class RedrawHook:
         self._asked()
 
 
+class PictureHook:
+    """Tells when napari takes a picture of a canvas, by replacing what reads its pixels.
+
+    Parameters
+    ----------
+    canvas : vispy.scene.SceneCanvas or None
+        None, a viewer without a window, has no picture taken.
+    """
+
+    def __init__(self, canvas: SceneCanvas | None) -> None:
+        self._canvas = canvas
+        self._native: Any = getattr(canvas, "native", None)
+        self._taken: Callable[[], None] = lambda: None
+
+    def install(self, taken: Callable[[], None]) -> None:
+        """Call before every picture, with the canvas's context current."""
+        grab = getattr(self._native, "grabFramebuffer", None)
+        # Other widgets of vispy's are read in other ways.
+        if grab is not None:
+            # Qt draws within it, and sends no event that tells it from any other draw.
+            self._taken, self._grab = taken, grab
+            self._native.grabFramebuffer = self._on_grab
+
+    def remove(self) -> None:
+        """Give the widget its own method back."""
+        own = getattr(self._native, "__dict__", {})
+        if own.get("grabFramebuffer") == self._on_grab:
+            del self._native.grabFramebuffer
+
+    def _on_grab(self) -> Any:
+        if self._canvas is not None:
+            self._canvas.set_current()
+        self._taken()
+        return self._grab()
+
+
 _GUARDED = "finishes_in_own_context"
 
 
@@ -394,6 +430,11 @@ class PictureLayer(Layer):
         self.refresh()
 
     @property
+    def axis_order(self) -> tuple[int, ...]:
+        """Its data's axes z, y, x (0, 1, 2) as napari orders them, the one to the right last."""
+        return tuple(int(axis) for axis in self._slice_input.order)
+
+    @property
     def frame(self) -> Frame | None:
         """What the canvas showed when the layer was last drawn, a `view_camera.Frame` or None."""
         return self._frame
@@ -542,7 +583,18 @@ class PictureAdapter(VispyBaseLayer):  # type: ignore[misc,valid-type]
         """The axes of the layer's data that are displayed, the one to the right last."""
         return tuple(int(axis) for axis in self.layer._slice_input.displayed)
 
+    def stand(self) -> None:
+        """Have the node stand among the axes that are displayed now."""
+        # napari tells its own visuals of another order of axes as of other data.
+        if self.displayed != self._stands_by:
+            self._on_matrix_change()
+
+    def _on_matrix_change(self, event: Any = None) -> None:
+        self._stands_by = self.displayed
+        super()._on_matrix_change()
+
     def _on_data_change(self, event: Any = None) -> None:
+        self.stand()
         self.node.update()
 
     def _on_opacity_change(self, event: Any = None) -> None:

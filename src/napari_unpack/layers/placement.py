@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -105,6 +106,34 @@ def napari_from_world(layer: PictureLayer, units: Sequence[Any] | None = None) -
     return data_to_world(layer, units) @ voxel_from_world(layer.spacing)
 
 
+def scene_from_world(layer: PictureLayer, units: Sequence[Any] | None = None) -> Matrix:
+    """Return the map from the session's world, mm, to what napari's camera looks at.
+
+    Parameters
+    ----------
+    layer, units
+        As for `napari_from_world`.
+
+    Returns
+    -------
+    (4, 4) ndarray of float64
+        To napari's world, its axes in the order in which they are displayed.
+    """
+    return ordered(layer.axis_order) @ napari_from_world(layer, units)
+
+
+def ordered(axes: Sequence[int]) -> Matrix:
+    """Return the (4, 4) map of points to another order of their axes.
+
+    Parameters
+    ----------
+    axes : (3,) sequence of int
+        Which of z, y, x (0, 1, 2) comes first, second and third.
+    """
+    # An odd order is a mirror, which becomes the camera's stretch.
+    return np.eye(4)[[*axes, 3]]
+
+
 def scanner_from_scan(layer: Layer) -> Matrix | None:
     """Return where the scan of a layer lies, see `Scan.scanner_from_scan`; None if it says not."""
     told = layer.metadata.get("scanner_from_scan")
@@ -166,6 +195,30 @@ def spacing_of(layer: Layer) -> tuple[float, float, float]:
     # Products of affines leave 0.7999999999: twelve digits hide it and keep real differences.
     z, y, x = (float(f"{mm:.12g}") for mm in lengths)
     return (z, y, x)
+
+
+SIZE_ASSUMED = re.compile(r"\b(mm|rows) was assumed")
+"""In what the readers of `io` say of a file without a voxel size, distance of slices or unit."""
+
+
+def set_spacing(layer: Layer, spacing: ArrayLike) -> None:
+    """Give a layer voxels of another size; what turns and shears it stays.
+
+    What was assumed of that size is assumed no more, see `assumed_of`.
+
+    Parameters
+    ----------
+    layer : napari layer
+        Of three dimensions or more.
+    spacing : (3,) array_like
+        mm, z y x, as `spacing_of` reads it.
+    """
+    # What stands before the scale acts on lengths already made: their ratios are those of scales.
+    ratios = np.asarray(spacing, dtype=np.float64) / spacing_of(layer)
+    left = tuple(said for said in assumed_of(layer) if not SIZE_ASSUMED.search(said))
+    if left != assumed_of(layer):
+        layer.metadata["assumed"] = left
+    layer.scale = [*layer.scale[:-3], *layer.scale[-3:] * ratios]
 
 
 def unit_of(layer: Layer) -> LengthUnit:

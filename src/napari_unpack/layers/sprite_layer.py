@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.compat import PictureLayer, register
 from napari_unpack.layers.rendered_image import (
@@ -97,14 +95,13 @@ class SpriteLayer(PictureLayer):
             Pixels that are transparent but inside the silhouette's reach count too, so that
             thin objects can be hit.
         """
-        middle = (np.asarray(size, dtype=np.float64) - 1) / 2
         # The one drawn last lies on top.
         for object_id, sprite in reversed(self._sprites.items()):
-            towards = float(sprite.pose.center[0])
-            # Nearer to the eye a pixel covers less.
-            mm = camera.height / size[0] * (1.0 - towards / camera.distance)
-            point = np.array([towards, (row - middle[0]) * mm, (col - middle[1]) * mm])
-            if sprite.contains(point, margin=3 * mm):
+            flat = camera.flattened(float(sprite.pose.center[0]))
+            if flat is None:
+                continue
+            point, _ = flat.ray((row, col), size)
+            if sprite.contains(point, margin=3 * flat.height / size[0]):
                 return object_id
         return 0
 

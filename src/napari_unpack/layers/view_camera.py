@@ -171,7 +171,7 @@ def camera_in_session(seen: Camera, seen_from_world: Matrix) -> Camera:
 
 
 def napari_view(
-    camera: Camera, napari_from_world: Matrix, view_height: float
+    camera: Camera, scene_from_world: Matrix, view_height: float
 ) -> tuple[Vector, float, Vector, Vector]:
     """Return what to set on a napari camera so that it shows what a `Camera` shows.
 
@@ -179,8 +179,8 @@ def napari_view(
     ----------
     camera : Camera
         In the session's world, mm.
-    napari_from_world : (4, 4) ndarray of float64
-        From the session's world to napari's.
+    scene_from_world : (4, 4) ndarray of float64
+        From the session's world to napari's, its axes in the order displayed.
     view_height : float
         Height of the view in logical pixels.
 
@@ -192,8 +192,8 @@ def napari_view(
     direction, up : (3,) ndarray
         Of looking, and up in the image.
     """
-    linear = napari_from_world[:3, :3]
+    linear = scene_from_world[:3, :3]
     scale = abs(float(np.linalg.det(linear))) ** (1 / 3)
-    center = transform_points(napari_from_world, camera.center)
+    center = transform_points(scene_from_world, camera.center)
     zoom = view_height / (camera.height * scale)
     return center, zoom, unit(linear @ camera.direction), unit(linear @ camera.up)

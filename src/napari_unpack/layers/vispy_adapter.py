@@ -12,6 +12,7 @@ from vispy.scene.visuals import create_visual_node
 from napari_unpack.geometry.axes import Matrix, flip, flip_matrix
 from napari_unpack.geometry.rays import voxel_from_world
 from napari_unpack.layers.compat import PictureAdapter, PictureLayer
+from napari_unpack.layers.placement import ordered
 from napari_unpack.layers.slice_frame import SliceFrame
 from napari_unpack.layers.view_camera import Frame, camera_from_render, camera_in_session
 from napari_unpack.rendering.gl.depth_quads import Quad, QuadsVisual, clip_from_pivot
@@ -58,8 +59,10 @@ class QuadsAdapter(PictureAdapter):
         view = self._view() if self.in_3d else None
         if view is None or min(view.size) < 1:
             return None
+        self.stand()
+        # napari's transform is of the data's axes in the order displayed, to the world's in that.
         scene_from_world = matrix_of(self.node.transform) @ flip_matrix(
-            voxel_from_world(self.layer.spacing)
+            ordered(self.displayed) @ voxel_from_world(self.layer.spacing)
         )
         local = _ndc_from_pixels(view.size) @ matrix_of(view.scene.transform)
         try:
@@ -76,6 +79,7 @@ class QuadsAdapter(PictureAdapter):
     def _slice_quads(self) -> Sequence[Quad]:
         if len(self.displayed) != 2:
             return ()
+        self.stand()
         width, height = self.node.canvas.physical_size
         whole = matrix_of(self.node.get_transform("scene", "render"))
         # From x, y, z, w of the layer's data to x and y of the canvas, -1 to 1.

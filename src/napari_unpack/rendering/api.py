@@ -417,10 +417,20 @@ def occlusion_ratios(
 
     Parameters
     ----------
-    labels, spacing, view, size, hidden, backend, step
-        As for `occlusion`.
+    labels : (Z, Y, X) array_like of int
+    spacing : (3,) array_like, mm z y x
+    view : View or (3,) sequence of float, optional
+        The view, made orthographic, or a direction of looking. Objects leave towards the
+        viewer: along D, the opposite of the direction of looking.
     definition : {"first_hit", "exact", "eq2", "first_hit_bbox", "listing"}
         What is counted, see Notes.
+    size : (int, int)
+        Rays, height and width; at the voxel pitch or finer to decide which objects are unpackable.
+    hidden : iterable of int
+        Objects that are as air.
+    backend : {"auto", "cpu", "gl"}
+    step : float, optional
+        Distance of samples in mm, by default `min(spacing)`.
     method : {"one_pass", "queries"}
         All objects in one walk of the rays, or, with OpenGL and "first_hit" alone, the paper's
         occlusion queries: a pass an object within its box, up to 256 objects.

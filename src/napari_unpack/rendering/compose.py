@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from napari_unpack.appearance import Decorations
-from napari_unpack.geometry.axes import Matrix, transform_points
+from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.shading import Shading
-from napari_unpack.geometry.transforms import Pose
+from napari_unpack.geometry.transforms import Pose, Projection
 from napari_unpack.geometry.view import Camera
 from napari_unpack.memory import check_picture
 from napari_unpack.rendering.decorated_image import box_patch, on_background
@@ -235,7 +235,9 @@ def scene_image(
     if time is not None:
         for i, flight in scene.flights.items():
             pose = flight.pose(time, camera)
-            patches.append(object_image(scene, i, pose, camera, size, 1.0, backend, shading))
+            # So that it does not jump where its sprite follows.
+            flat = pose.camera(camera, flight.flatness(time, camera))
+            patches.append(object_image(scene, i, pose, flat, size, 1.0, backend, shading))
     drawn = _rulers_drawn(scene, camera, size, time)
     if not inspected:
         whole = on_background(compose(size, patches), camera, around)
@@ -258,19 +260,22 @@ def _rulers_drawn(
 ) -> list[tuple[Pixels, tuple[str, ...]]]:
     """Return points and numbers of the rulers that can be drawn now."""
 
-    def pivot_from_scan(object_id: int) -> Matrix | None:
+    def seen(object_id: int) -> Projection | None:
+        flatness = 0.0
         if object_id in scene.inspected:
             pose = _inspected_pose(scene, object_id, camera, size)
         elif object_id in scene.flights:
             if time is None:
                 return None
-            pose = scene.flights[object_id].pose(time, camera)
+            flight = scene.flights[object_id]
+            pose, flatness = flight.pose(time, camera), flight.flatness(time, camera)
         elif object_id in scene.poses:
-            pose = scene.poses[object_id]
+            pose, flatness = scene.poses[object_id], 1.0
         else:
             apart = object_id in scene.mean_densities and object_id not in scene.packed
-            return None if apart else camera.pivot_from_world()
-        return pose.pivot_from_world(scene.boxes.center(object_id, scene.spacing))
+            return None if apart else Projection(camera.pivot_from_world(), camera)
+        center = scene.boxes.center(object_id, scene.spacing)
+        return pose.projection(center, camera, flatness)
 
     found = []
     for ruler in scene.rulers:
@@ -278,7 +283,7 @@ def _rulers_drawn(
         owners = frozenset(i if i in scene.mean_densities else 0 for i in ruler.owners)
         # The inspected object stands before all others, and before what was measured on them.
         if not scene.inspected or owners == frozenset(scene.inspected):
-            pixels = ruler_pixels(owners, ruler.points, pivot_from_scan, camera, size)
+            pixels = ruler_pixels(owners, ruler.points, seen, size)
             if pixels is not None:
                 found.append((pixels, ruler.numbers))
     return found
@@ -303,17 +308,15 @@ def _placed_sprite(
     backend: str,
     shading: Shading | None,
 ) -> ImagePatch:
-    # Nearer to the eye a pixel covers less of pivot space.
-    nearness = 1.0 - pose.center[0] / camera.distance
-    # Where `window_of` counts as behind the eye, and nothing is seen.
-    if nearness <= 1e-6:
+    flat = camera.flattened(float(pose.center[0]))
+    if flat is None:
         return nothing()
-    resolution = size[0] / camera.height / nearness
+    resolution = size[0] / flat.height
     subvolume = scene.subvolumes.of_object(object_id)
     appearance = appearance_alone(scene, object_id, subvolume, shading, 1.0, backend)
     held = pose.rotation.tobytes(), pose.stretch.tobytes(), pose.scale
     # Rounded: napari's zoom is not exact to the last bit, and a sprite need not be either.
-    row, col = (int(n) for n in np.rint(camera.pixels(pose.center, size)))
+    row, col = (int(n) for n in np.rint(flat.pixels(pose.center, size)))
     # Near the eye a sprite is far larger than the image: only what is in the image is cast.
     down, right = _reach(scene, object_id, pose, resolution)
     part = (-row, -col, *size) if 2 * down >= size[0] or 2 * right >= size[1] else None

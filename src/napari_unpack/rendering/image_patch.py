@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.appearance import Background
-from napari_unpack.geometry.view import Camera
+from napari_unpack.geometry.view import NEAREST, Camera
 
 Image = NDArray[np.float32]
 # First row, first column, height and width.
@@ -109,7 +109,7 @@ def window_of(pivot_corners: ArrayLike, camera: Camera, size: tuple[int, int]) -
     image.
     """
     corners = np.asarray(pivot_corners, dtype=np.float64)
-    behind = corners[:, 0] >= camera.distance * (1 - 1e-6)
+    behind = corners[:, 0] >= camera.distance * (1 - NEAREST)
     # Nothing behind the eye is seen.
     if behind.all():
         return None

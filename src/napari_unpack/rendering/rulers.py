@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.appearance.decorations import stroke_cover, write
-from napari_unpack.geometry.axes import Matrix, transform_points
-from napari_unpack.geometry.view import Camera
+from napari_unpack.geometry.transforms import Projection
 from napari_unpack.rendering.image_patch import Image
 
 INK = (1.0, 0.9, 0.35)
@@ -51,8 +50,7 @@ class Ruler:
 def ruler_pixels(
     owners: frozenset[int],
     points: NDArray[np.float64],
-    pivot_from_scan: Callable[[int], Matrix | None],
-    camera: Camera,
+    seen: Callable[[int], Projection | None],
     size: tuple[int, int],
 ) -> Pixels | None:
     """Return the pixels of points that were measured; None where they cannot be shown.
@@ -63,21 +61,19 @@ def ruler_pixels(
         Whose points they are, 0 for none.
     points : (N, 3) ndarray of float64
         mm of the scan.
-    pivot_from_scan : callable
-        Returns where an object is now, None where it is not seen.
-    camera : Camera
+    seen : callable
+        Returns how an object is seen now, None where it is not.
     size : (int, int)
         Height and width of the image, pixels.
     """
-    maps = [pivot_from_scan(i) for i in owners]
-    first = maps[0]
-    # Between objects that stand apart now the line would be of another length than it says.
-    if first is None or any(m is None or not np.allclose(m, first) for m in maps):
+    first, *others = [seen(i) for i in owners]
+    if first is None:
         return None
-    pivot = transform_points(first, points)
-    if (pivot[:, 0] >= 0.98 * camera.distance).any():
-        return None
-    return camera.pixels(pivot, size)
+    for other in others:
+        # Between objects that stand apart now the line would be of another length than it says.
+        if other is None or not np.allclose(other.pivot_from_scan, first.pivot_from_scan):
+            return None
+    return first.pixels(points, size)
 
 
 def strokes_of(pixels: Pixels, scale: float) -> list[Pixels]:

@@ -454,10 +454,10 @@ class Session:
         return self._doc.fill_queue()
 
     def best_direction(self, ask: bool = False) -> BestDirection | None:
-        """Return the direction of 26 along which the most objects can leave now, if any can.
+        """Return the direction of 26 along which, by rays, the most objects can leave now, if any.
 
-        With `ask` rays are cast where that is not known yet; else None is returned then. Ties go
-        to the one nearest D.
+        With `ask` they are cast where that is not known yet; else None is returned then. Ties go
+        to the one nearest D. They are coarse: which objects leave is asked anew.
         """
         if ask:
             self.queries.survey()

@@ -242,6 +242,25 @@ class Flight:
         scale = outside.toward(self.target, gone).scale
         return replace(turned, center=place, scale=scale)
 
+    def flatness(self, time: float, camera: Camera) -> float:
+        """Return how flat it is seen: 0 in the bag, 1 at its slot, as its sprite is.
+
+        Parameters
+        ----------
+        time : float
+            Seconds on the clock of `start`; clamped to the flight.
+        camera : Camera
+            The camera of now.
+        """
+        passed, first = self.progress(time), self.first_leg(camera)
+        out = 1.0 - passed if self.back else passed
+        # Among its neighbours it is seen as they are.
+        flatness = ease((out - first) / (1.0 - first))
+        if self.before is None:
+            return flatness
+        turned = ease((time - self.sent) / (self.start + self.seconds - self.sent))
+        return (1.0 - turned) * self.before.flatness(time, camera) + turned * flatness
+
     def first_leg(self, camera: Camera) -> float:
         """Return the fraction of the way out at which it is clear of the bag's box."""
         outside = self._outside(camera).center

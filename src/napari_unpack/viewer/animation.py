@@ -138,10 +138,17 @@ class Inspection:
         if self.home is None:
             return packed_pose(center, frame.camera)
         aspect = frame.size[1] / frame.size[0]
-        eased = ease((now - self.since) / FRAMING_SECONDS)
-        fraction = 1.0 - eased if self.leaving else eased
         framed = Pose(np.zeros(3), self.rotation, self.framed_scale(aspect))
-        return replace(self.home, rotation=self.rotation).toward(framed, fraction)
+        here = replace(self.home, rotation=self.rotation)
+        return here.toward(framed, 1.0 - self._share_of_way_home(now))
+
+    def flatness(self, now: float) -> float:
+        """Return how flat it is seen: 1 beside the bag, as its sprite is, 0 in the middle."""
+        return 0.0 if self.home is None else self._share_of_way_home(now)
+
+    def _share_of_way_home(self, now: float) -> float:
+        eased = ease((now - self.since) / FRAMING_SECONDS)
+        return eased if self.leaving else 1.0 - eased
 
     def framed_scale(self, aspect: float) -> float:
         """Return the enlargement at which it fills its share of the view."""
@@ -192,11 +199,14 @@ class Moving:
         Draw it before everything else instead of where it is.
     sharp : bool
         It does not move: cast all its pixels.
+    flatness : float
+        0 in the view's perspective, 1 as its sprite is (`Camera.flattened`).
     """
 
     pose: Pose
     in_front: bool = False
     sharp: bool = False
+    flatness: float = 0.0
 
 
 class Animator:
@@ -278,26 +288,27 @@ class Animator:
         self._landed = {i: p for i, p in self._landed.items() if not self._shown_elsewhere(i)}
         objects: dict[int, Moving] = {}
         for object_id, flight in dict(session.flights).items():
-            objects[object_id] = Moving(flight.pose(now, camera))
-        for object_id, pose in self._landed.items():
-            if object_id not in session.poses:
+            pose, flatness = flight.pose(now, camera), flight.flatness(now, camera)
+            objects[object_id] = Moving(pose, flatness=flatness)
+        for object_id, slot in self._landed.items():
+            if object_id in session.poses:
+                landed = Moving(slot or session.poses[object_id], flatness=1.0)
+            else:
                 center = session.boxes.center(object_id, np.asarray(session.spacing))
-                pose = packed_pose(center, camera)
-            elif pose is None:
-                pose = session.poses[object_id]
+                landed = Moving(packed_pose(center, camera))
             # One that flies again is where its flight says.
-            objects.setdefault(object_id, Moving(pose))
+            objects.setdefault(object_id, landed)
         for object_id, pose in self.turning.items():
             # A command may send it away while the mouse button is still down.
             if object_id in session.poses:
-                objects[object_id] = Moving(pose)
+                objects[object_id] = Moving(pose, flatness=1.0)
         if self.inspection is not None:
             one = self.inspection
             center = session.boxes.center(one.object_id, np.asarray(session.spacing))
             pose = one.pose(now, frame, center)
             # A turned one is cast coarsely, so that it follows the hand.
             still = one.still(now) and one.object_id not in self.turning
-            objects[one.object_id] = Moving(pose, in_front=True, sharp=still)
+            objects[one.object_id] = Moving(pose, True, still, one.flatness(now))
         return objects
 
     def turn(self, object_id: int, rotation: Matrix) -> None:
@@ -449,6 +460,12 @@ class Glides:
         if glides:
             self.animation.start()
         return dict(poses) | {i: glide.pose(now, poses[i]) for i, glide in glides.items()}
+
+    def finish(self) -> None:
+        """Have all where they belong, at once."""
+        if self._glides:
+            self._glides = {}
+            self._moved()
 
     def close(self) -> None:
         """Move nothing more."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from napari_unpack.geometry.view import GRAVITY_UP, Camera
 from napari_unpack.layers.compat import PictureLayer
-from napari_unpack.layers.placement import napari_from_world, units_of
+from napari_unpack.layers.placement import napari_from_world, scene_from_world, units_of
 from napari_unpack.layers.view_camera import ALIKE, napari_view, parts_of
 
 if TYPE_CHECKING:
@@ -33,8 +33,8 @@ def point_camera(
         False leaves its direction to the hand that may be turning the bag.
     """
     height = viewer.canvas.size[0]
-    world = napari_from_world(layer, units_of(viewer))
-    center, zoom, direction, up = napari_view(camera, world, height)
+    scene = scene_from_world(layer, units_of(viewer))
+    center, zoom, direction, up = napari_view(camera, scene, height)
     theirs = viewer.scene.camera
     theirs.perspective = camera.fov
     theirs.center = tuple(center)
@@ -57,7 +57,7 @@ def follow_placement(viewer: napari.Viewer, session: Session, layer: PictureLaye
     world = napari_from_world(layer, units_of(viewer))
     # Level things have normals, which an affine maps the other way than points.
     session.away_from_table = world[:3, :3].T @ GRAVITY_UP
-    stretch = parts_of(world)[2]
+    stretch = parts_of(scene_from_world(layer, units_of(viewer)))[2]
     seen = session.camera
     if not np.allclose(stretch, seen.stretch, rtol=0, atol=ALIKE):
         session.look(

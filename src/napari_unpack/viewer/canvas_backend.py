@@ -257,9 +257,11 @@ class CanvasBackend:
             place = self._places.setdefault(object_id, -1)
             if place < 0:
                 place = self._places[object_id] = next(unused)
-            image = self._object(object_id, place, one, camera, *sizes(one), done)
+            flat = one.pose.camera(camera, one.flatness)
+            image = self._object(object_id, place, one, flat, *sizes(one), done)
             if image is not None:
-                image.in_front = one.in_front
+                # Its pixels are those of the view, whichever rays went through them.
+                image.camera, image.in_front = camera, one.in_front
                 images[object_id] = image
         return images
 

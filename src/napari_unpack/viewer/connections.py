@@ -32,6 +32,8 @@ class ControllerConnections:
     def __init__(self, controller: SessionController) -> None:
         self._controller = controller
         self._closing: list[Callable[[], None]] = []
+        # Whether the canvas has another size since the event loop last ran, and for a picture.
+        self._resized = self._pictured = False
 
     def open(self) -> None:
         """Connect."""
@@ -55,6 +57,8 @@ class ControllerConnections:
             lambda: renderer.turning,
             renderer.packed_renderer.set_view,
         )
+        pictures = compat.PictureHook(canvas)
+        pictures.install(self._be_pictured)
         self._closing = [
             one.interaction.close,
             one.framing.close,
@@ -65,6 +69,7 @@ class ControllerConnections:
             placement.close,
             context.close,
             throttle.close,
+            pictures.remove,
         ]
 
     def close(self) -> None:
@@ -125,6 +130,30 @@ class ControllerConnections:
             one.queries.moved()
             if resized:
                 one.framing.follow()
+                self._resized = True
+                one.scheduler.debounce(self._forget_picture, 0, self._forget_picture)
+                if self._pictured:
+                    # Back in its own size: nothing has moved for a person.
+                    one.renderer.glides.finish()
+
+    def _be_pictured(self) -> None:
+        """Have everything where and as it will be, for the picture that is taken now.
+
+        napari gives its canvas another size, reads it, and gives it its own size back within one
+        call, in which no image of a worker arrives.
+        """
+        one = self._controller
+        frame = one.packed.frame_now()
+        if frame is None:
+            return
+        self._follow_frame(frame)
+        one.renderer.packed_renderer.complete()
+        if self._resized:
+            self._pictured = True
+            one.renderer.glides.finish()
+
+    def _forget_picture(self) -> None:
+        self._resized = self._pictured = False
 
     def _follow_other_frame(self, frame: Frame) -> None:
         # In a grid of views every layer has its own; the bag's is the one that counts.

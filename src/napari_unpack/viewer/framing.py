@@ -82,6 +82,7 @@ class Framing:
         # How a saved session was looked at, until something else moves the camera.
         self._given: _Given | None = None
         self._size = (0, 0)
+        self._axes = layer.axis_order
         self._before: _Before | None = None
         # By the session's clock: a film that steps it glides along.
         self.animation = scheduler.animate(self._tick, lambda: session.clock())
@@ -97,12 +98,15 @@ class Framing:
         return self._fit is not None and self._fit is self._target and self._untouched()
 
     def open(self) -> None:
-        """Follow napari's Home button from now on."""
+        """Follow napari's Home button and its order of axes from now on."""
+        self._axes = self._layer.axis_order
         self._viewer.events.reset_view.connect(self._follow_home)
+        self._viewer.dims.events.ndisplay.connect(self._follow_axes)
 
     def close(self) -> None:
         """Move the camera no more."""
         self._viewer.events.reset_view.disconnect(self._follow_home)
+        self._viewer.dims.events.ndisplay.disconnect(self._follow_axes)
         self._scheduler.forget(self._follow)
         self._stop()
 
@@ -285,12 +289,26 @@ class Framing:
         if resized or not alike(wanted, self._fit):
             self._go_fit(replace(wanted, rotation=self._seen.rotation), glides=not resized)
 
+    def _follow_axes(self, _event: Any = None) -> bool:
+        """Bring all into view where napari has ordered its axes anew, and return whether it has."""
+        axes = self._layer.axis_order
+        if self._viewer.dims.ndisplay != 3 or axes == self._axes:
+            return False
+        # napari keeps its angles and turns what is seen: no view of before leads anywhere.
+        self._axes, self._before = axes, None
+        self.fit(glides=False)
+        return True
+
     def _follow_home(self, _event: Any = None) -> None:
-        if self._viewer.dims.ndisplay != 3:
+        if self._viewer.dims.ndisplay != 3 or self._follow_axes():
             return
         frame = self._renderer.frame
         # napari has reset the camera by now; what was seen before is what is gone on from.
         origin = self._session.camera if frame is None else frame.camera
+        if self._session.canvas_size != self._size and self._scheduler.pending(self._follow):
+            # For a picture of another size, after which napari puts its own view back.
+            point_camera(self._viewer, self._layer, self._fitted(origin))
+            return
         self._go_fit(self._fitted(origin), origin=origin)
 
     def _look_given(self, camera: Camera, window: tuple[int, int]) -> None:

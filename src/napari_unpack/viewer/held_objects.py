@@ -59,11 +59,10 @@ class HeldObjects:
         )
         if self._renderer.frame is None or pose is None:
             return
-        camera = self._renderer.frame.camera
-        # At the depth of the sprite: it stays under the hand.
-        mm = camera.height / self._renderer.frame.size[0] * (1.0 - pose.center[0] / camera.distance)
-        # Never out of the window: there is nothing to take hold of there.
         rows, cols = self._renderer.frame.size
+        # At the depth of the sprite: it stays under the hand.
+        mm = pose.camera(self._renderer.frame.camera, 1.0).height / rows
+        # Never out of the window: there is nothing to take hold of there.
         edge = mm * np.array([0.0, rows, cols]) / 2
         center = np.clip(pose.center + mm * np.array([0.0, *pixels]), -edge, edge)
         self._renderer.animator.carried[object_id] = replace(pose, center=center)

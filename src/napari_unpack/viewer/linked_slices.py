@@ -23,11 +23,12 @@ from napari_unpack.viewer.layer_tables import hint
 from napari_unpack.viewer.point_marker import PointMarker
 from napari_unpack.viewer.protocols import Event, MouseEvent
 from napari_unpack.viewer.scheduler import Worker
-from napari_unpack.viewer.surface_points import pivot_from_scan, surface_point
+from napari_unpack.viewer.surface_points import seen, surface_point
 
 if TYPE_CHECKING:
     import napari
 
+    from napari_unpack.geometry.view import Camera
     from napari_unpack.layers.view_camera import Frame
     from napari_unpack.session import Session
     from napari_unpack.viewer.controller import SessionController
@@ -360,14 +361,15 @@ class LinkedSlices:
             self._controller.scheduler.throttle(self.marker, MARK_MS, repaint)
         self._marked = marked
 
-    def _marker_point(self, frame: Frame) -> Vector | None:
+    def _marker_point(self, frame: Frame) -> tuple[Vector, Camera] | None:
         renderer, object_id = self._controller.renderer, self.object_at(self.crosshair)
         # Beside an inspected object the bag is dimmed, and so would be what the point is on.
         away = bool(renderer.inspected) and renderer.inspected != object_id
-        matrix = pivot_from_scan(self._controller, object_id, frame)
-        if not self._marked or away or matrix is None:
+        projection = seen(self._controller, object_id, frame)
+        if not self._marked or away or projection is None:
             return None
-        return transform_points(matrix, np.array(self.crosshair) * self.spacing)
+        there = np.array(self.crosshair) * self.spacing
+        return transform_points(projection.pivot_from_scan, there), projection.camera
 
 
 def _slot(plane: Plane) -> tuple[str, Plane]:

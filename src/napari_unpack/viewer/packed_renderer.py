@@ -127,6 +127,19 @@ class PackedRenderer:
             self._frame = frame
             self._cast_preview()
 
+    def complete(self) -> None:
+        """Have the image full and right at once: for a picture of the canvas, however long."""
+        frame, revision = self._frame, self._revision
+        if frame is None or self.is_full or not self._layer.visible:
+            return
+        if self._canvas_backend.active:
+            self._cast_full()
+            return
+        self._scheduler.cancel("packed")
+        self._scheduler.skip_idle(IdlePhase.IMAGE)
+        image, _ = self._cast(self._session.scene(), frame, frame.size, 1.0)
+        self._full_done(image, frame, revision)
+
     def set_scene(self, scene: Scene) -> None:
         """Cast again what differs from the scene before."""
         found, self._scene = scene.difference(self._scene), scene

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.geometry.transforms import Pose, packed_pose
+from napari_unpack.geometry.transforms import Projection
 from napari_unpack.layers.rendered_image import RenderedImage
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.casting import TABLE_ENTRIES, rays_for
@@ -131,8 +131,8 @@ class ScenePicker:
         )
         return [i for i in found if i in self._renderer.session.states]
 
-    def pose_of(self, object_id: int, frame: Frame) -> Pose:
-        """Return where an object stands now, in the bag or outside.
+    def seen(self, object_id: int, frame: Frame) -> Projection:
+        """Return how an object is seen where it stands now, in the bag or outside.
 
         Parameters
         ----------
@@ -141,8 +141,14 @@ class ScenePicker:
             What the canvas shows.
         """
         renderer, session = self._renderer, self._renderer.session
-        moving = renderer.animator.moving(renderer.flight_animation.now(), frame)
-        if object_id in moving:
-            return moving[object_id].pose
         center = session.boxes.center(object_id, session.spacing)
-        return session.poses.get(object_id) or packed_pose(center, frame.camera)
+        moving = renderer.animator.moving(renderer.flight_animation.now(), frame).get(object_id)
+        if moving is not None:
+            return moving.pose.projection(center, frame.camera, moving.flatness)
+        waiting = session.poses.get(object_id)
+        if waiting is None:
+            return Projection(frame.camera.pivot_from_world(), frame.camera)
+        # A sprite that glides, or is carried, is not yet where the session knows it.
+        sprite = renderer.sprites.sprites.get(object_id)
+        pose = waiting if sprite is None else sprite.pose
+        return pose.projection(center, frame.camera, 1.0)

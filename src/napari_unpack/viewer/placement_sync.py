@@ -58,7 +58,8 @@ class PlacementSync:
         return [] if self._source is None else [self._source.events[name] for name in FIELDS]
 
     def _follow(self, _event: Any = None) -> None:
-        if self._source is None:
+        # Its data may have become a picture, which has no place in space.
+        if self._source is None or self._source.ndim < 3:
             return
         spacing = spacing_of(self._source)
         if not equal_spacing(spacing, self._session.spacing):

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.axes import Vector
+from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.rendered_image import FRONT
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.gl.depth_quads import Quad
@@ -30,22 +31,24 @@ class PointMarker:
     Parameters
     ----------
     point_in : callable
-        Returns the point in a frame's pivot space, mm, or None where there is none to show.
+        Returns the point in a frame's pivot space, mm, and the camera that sees it; None where
+        there is none to show.
     """
 
-    def __init__(self, point_in: Callable[[Frame], Vector | None]) -> None:
+    def __init__(self, point_in: Callable[[Frame], tuple[Vector, Camera] | None]) -> None:
         self.point_in = point_in
         self._halos = [Stroke(HALO, 3.6) for _ in range(2)]
         self._inks = [Stroke(INK, 2.0) for _ in range(2)]
 
     def quads_at(self, frame: Frame) -> Sequence[Quad]:
         """Return the cross's quads."""
-        point = self.point_in(frame)
-        if point is None:
+        found = self.point_in(frame)
+        if found is None:
             return ()
-        lines = lines_of(point, frame)
+        point, camera = found
+        lines = lines_of(point, camera, frame.size)
         drawn = [
-            stroke.quad(line, frame.camera, frame.size, 1.0)
+            stroke.quad(line, camera, frame.size, 1.0)
             for strokes in (self._halos, self._inks)
             for stroke, line in zip(strokes, lines, strict=True)
         ]
@@ -57,16 +60,16 @@ class PointMarker:
         return at_depth + through
 
 
-def lines_of(point: Vector, frame: Frame) -> list[NDArray[np.float64]]:
+def lines_of(point: Vector, camera: Camera, size: tuple[int, int]) -> list[NDArray[np.float64]]:
     """Return the lines of a cross, each of two (3,) ends in pivot space.
 
     Parameters
     ----------
     point : (3,) ndarray of float64
         Pivot space, mm.
-    frame : Frame
-        In whose image they have one length at any depth.
+    camera : Camera
+    size : (int, int)
+        Height and width, pixels, of the image in which they have one length at any depth.
     """
-    camera = frame.camera
-    mm = REACH * camera.height / frame.size[0] * (1.0 - point[0] / camera.distance)
+    mm = REACH * camera.height / size[0] * (1.0 - point[0] / camera.distance)
     return [point + mm * np.array([-way, way]) for way in np.eye(3)[1:]]

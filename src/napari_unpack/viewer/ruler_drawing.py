@@ -24,7 +24,7 @@ from napari_unpack.session.measurements import Measurement, SurfacePoint
 from napari_unpack.viewer.canvas_lines import CanvasLines, Line
 from napari_unpack.viewer.canvas_text import CanvasText, text_quad
 from napari_unpack.viewer.protocols import PointerTarget
-from napari_unpack.viewer.surface_points import pivot_from_scan
+from napari_unpack.viewer.surface_points import seen
 
 # Voxels from the slice within which a point counts as in it, and how faint a line is that is not.
 IN_SLICE, FAINT = 1.0, 0.35
@@ -94,8 +94,8 @@ class RulerDrawing:
         slice_at = np.linalg.solve(world_from_data, np.append(there, 1.0))[:3]
         across = ({0, 1, 2} - set(frame.axes)).pop()
         drawn = self.near_slice(across, float(slice_at[across]))
-        seen = [(frame.pixels(voxels), one, strength) for voxels, one, strength in drawn]
-        return self._quads(seen, frame.size)
+        flat = [(frame.pixels(voxels), one, strength) for voxels, one, strength in drawn]
+        return self._quads(flat, frame.size)
 
     def near_slice(self, axis: int, index: float) -> Iterator[Drawn]:
         """Return what is in a slice or goes through it: points, measurement, and how strong.
@@ -134,8 +134,8 @@ class RulerDrawing:
         if inspected and owners != {inspected}:
             return None
         ends = np.array([point.at for point in points])
-        where = partial(pivot_from_scan, self._target, frame=frame)
-        return ruler_pixels(frozenset(owners), ends, where, frame.camera, frame.size)
+        where = partial(seen, self._target, frame=frame)
+        return ruler_pixels(frozenset(owners), ends, where, frame.size)
 
     def _quads(self, drawn: Sequence[Drawn], size: tuple[int, int]) -> list[Quad]:
         scale = self._pixel_scale()

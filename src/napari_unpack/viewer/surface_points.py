@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.geometry.axes import Matrix, Vector, transform_points
-from napari_unpack.geometry.view import Camera
+from napari_unpack.geometry.axes import Vector
+from napari_unpack.geometry.transforms import Projection
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.session.measurements import SurfacePoint
 from napari_unpack.session.object_state import ObjectState
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 STEP = 0.1
 
 
-def pivot_from_scan(target: PointerTarget, object_id: int, frame: Frame) -> Matrix | None:
-    """Return the map from the scan's world, mm, to where an object is seen in pivot space.
+def seen(target: PointerTarget, object_id: int, frame: Frame) -> Projection | None:
+    """Return how an object is seen where it stands now.
 
     Parameters
     ----------
@@ -34,16 +34,15 @@ def pivot_from_scan(target: PointerTarget, object_id: int, frame: Frame) -> Matr
 
     Returns
     -------
-    (4, 4) ndarray of float64 or None
+    Projection or None
         None where it is not seen at all.
     """
     session = target.session
     if object_id not in session.states:
-        return frame.camera.pivot_from_world()
+        return Projection(frame.camera.pivot_from_world(), frame.camera)
     if session.states[object_id] is ObjectState.HIDDEN:
         return None
-    pose = target.renderer.picker.pose_of(object_id, frame)
-    return pose.pivot_from_world(session.boxes.center(object_id, session.spacing))
+    return target.renderer.picker.seen(object_id, frame)
 
 
 def surface_point(target: PointerTarget, pixel: Pixel) -> SurfacePoint | None:
@@ -57,15 +56,12 @@ def surface_point(target: PointerTarget, pixel: Pixel) -> SurfacePoint | None:
     """
     frame, interaction = target.renderer.frame, target.interaction
     object_id = interaction.under(pixel)
-    matrix = None if frame is None or not object_id else pivot_from_scan(target, object_id, frame)
-    if frame is None or matrix is None:
+    projection = None if frame is None or not object_id else seen(target, object_id, frame)
+    if frame is None or projection is None:
         return None
-    start, way = pixel_ray(np.array(interaction.frame_pixel(pixel)), frame.camera, frame.size)
-    scan: Matrix = np.linalg.inv(matrix).astype(np.float64)
+    start, way = projection.ray(interaction.frame_pixel(pixel), frame.size)
     planes = session_planes(target.session, object_id)
-    at = first_on_ray(
-        target.session, object_id, transform_points(scan, start), scan[:3, :3] @ way, planes
-    )
+    at = first_on_ray(target.session, object_id, start, way, planes)
     if at is None:
         return None
     z, y, x = (float(v) for v in at)
@@ -86,27 +82,6 @@ def label_at(session: Session, voxel: NDArray[np.float64]) -> int | None:
     if (spot < 0).any() or (spot >= session.labels.shape).any():
         return None
     return int(session.labels[tuple(spot)])
-
-
-def pixel_ray(
-    pixel: NDArray[np.float64], camera: Camera, size: tuple[int, int]
-) -> tuple[Vector, Vector]:
-    """Return a pixel's ray in pivot space: a point of it, and its way from the eye.
-
-    Parameters
-    ----------
-    pixel : (2,) ndarray of float64
-        Row and column.
-    camera : Camera
-    size : (int, int)
-        Height and width of the view, pixels.
-    """
-    down, right = (pixel - (np.asarray(size) - 1) / 2) * camera.height / size[0]
-    on_plane = np.array([0.0, down, right])
-    if np.isinf(camera.distance):
-        return on_plane, np.array([-1.0, 0.0, 0.0])
-    eye = np.array([camera.distance, 0.0, 0.0])
-    return on_plane, on_plane - eye
 
 
 def session_planes(session: Session, object_id: int) -> NDArray[np.float64]:

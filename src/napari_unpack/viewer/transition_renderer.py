@@ -210,9 +210,8 @@ def cast_moving(
         None where it is out of view.
     """
     small, step = detail(moving, size, share)
-    patch = object_image(
-        scene, object_id, moving.pose, camera, small, step, "cpu", smooth=moving.in_front
-    )
+    pose, flat = moving.pose, moving.pose.camera(camera, moving.flatness)
+    patch = object_image(scene, object_id, pose, flat, small, step, "cpu", smooth=moving.in_front)
     # Only its own rectangle is sent to the graphics card.
     image = RenderedImage.of(patch.trimmed(), camera, small)
     return replace(image, in_front=True) if image is not None and moving.in_front else image

@@ -125,6 +125,8 @@ class SavedViewerState:
         The active layer.
     ndisplay : int
         Dimensions displayed.
+    order : tuple of int
+        Of the last three axes; in the end it stays as a person has set it.
     view : SavedView
     orientation : tuple of str
         Of the camera's axes.
@@ -138,6 +140,7 @@ class SavedViewerState:
     selection: tuple[Layer, ...]
     active: Layer | None
     ndisplay: int
+    order: tuple[int, ...]
     view: SavedView
     orientation: Any
     background: Any
@@ -160,6 +163,7 @@ class SavedViewerState:
             selection=tuple(selection),
             active=selection.active,
             ndisplay=int(viewer.dims.ndisplay),
+            order=_order(viewer),
             view=SavedView.of(camera),
             orientation=camera.orientation,
             background=viewer.canvas.background_color_override,
@@ -175,6 +179,9 @@ class SavedViewerState:
         viewer.dims.ndisplay = self.ndisplay
         viewer.scene.camera.orientation = self.orientation
         self.view.give_back(viewer.scene.camera)
+        # By other axes the same numbers are another place.
+        if _order(viewer) != self.order:
+            viewer.fit_to_view()
         # Only now: slices that are looked at need not wait for a volume in 3D.
         self.volumes.give_back()
         selection = viewer.layers.selection
@@ -184,3 +191,11 @@ class SavedViewerState:
         if self.active is not None and self.active in viewer.layers:
             selection.active = self.active
             selection.update(x for x in self.selection if x in viewer.layers)
+
+
+def _order(viewer: napari.Viewer) -> tuple[int, ...]:
+    """Return z, y, x (0, 1, 2) in the viewer's order, whatever axes stand before them."""
+    dims = viewer.dims
+    axes = [int(axis) - dims.ndim + 3 for axis in dims.order[-3:]]
+    # A viewer of pictures alone has no z yet.
+    return (*range(3 - len(axes)), *axes)

@@ -18,6 +18,7 @@ from napari_unpack.layers.placement import (
     equal_spacing,
     place_of,
     scanner_from_scan,
+    set_spacing,
     spacing_of,
 )
 from napari_unpack.session.errors import listed
@@ -128,6 +129,7 @@ class SegmentSection(Section):
         self.volume_input.listed.connect(self._show_voxels)
         self.volume_input.listed.connect(self._refresh)
         self.voxels.chosen.connect(self._measure_in)
+        self.voxels.typed.connect(self._resize_voxels)
         self.voxels.shown.connect(self.options.show_unit)
         self.labels_input.chosen.connect(self._refresh)
         workspace.switched.connect(self._reload)
@@ -203,6 +205,21 @@ class SegmentSection(Section):
         if controller is not None and self.volume_input.layer in controller.sources:
             controller.session.length_unit = unit
 
+    def _resize_voxels(self, spacing: tuple[float, float, float]) -> None:
+        """Give the chosen volume, and the labels that lie on it, voxels of another size."""
+        volume = self.volume_input.layer
+        if volume is None:
+            return
+        before = spacing_of(volume)
+        layers = [unwrap(each) for each in self._workspace.viewer.layers]
+        on_it = [
+            each
+            for each in filter(_is_users_labels, layers)
+            if not misfit(volume, each) and equal_spacing(spacing_of(each), before)
+        ]
+        for layer in dict.fromkeys((volume, *on_it)):
+            set_spacing(layer, spacing)
+
     def _offer_new_size(self) -> None:
         self.fold.setChecked(False)
         self._refresh()
@@ -236,6 +253,7 @@ class SegmentSection(Section):
         self.volume_input.setEnabled(image is not None and idle)
         self.index.setEnabled(idle)
         self.voxels.setEnabled(image is not None)
+        self.voxels.size.setEnabled(idle)
         # Labels without a volume have no densities to find other objects by.
         self.labels_input.setEnabled(image is not None and idle and not _is_labels(image))
         self.rescale.setVisible(idle and self._has_other_size())
@@ -250,7 +268,11 @@ class SegmentSection(Section):
         # The contents of an object are measured with the whole bag.
         if controller is None or self._workspace.is_inside or not controller.sources:
             return False
-        return not equal_spacing(spacing_of(controller.sources[0]), controller.session.spacing)
+        source = controller.sources[0]
+        # Its data may have become a picture, which has no voxels.
+        if source.ndim < 3:
+            return False
+        return not equal_spacing(spacing_of(source), controller.session.spacing)
 
     def run(
         self, then: Callable[[], None] | None = None, names: Mapping[int, str] | None = None

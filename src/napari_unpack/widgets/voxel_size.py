@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
+import re
 from typing import TYPE_CHECKING
 
 from qtpy.QtCore import Signal
-from qtpy.QtWidgets import QGridLayout, QSizePolicy, QWidget
+from qtpy.QtWidgets import QGridLayout, QLineEdit, QSizePolicy, QWidget
 
 from napari_unpack.geometry.length_unit import MM, UNITS, LengthUnit
 from napari_unpack.layers.placement import assumed_of, spacing_of, unit_of
-from napari_unpack.widgets.narrow import Choice
+from napari_unpack.widgets.narrow import SIZED, Choice
+from napari_unpack.widgets.notifications import errors_shown
 from napari_unpack.widgets.section import label
 from napari_unpack.widgets.theme import GAP
 
@@ -19,14 +22,16 @@ if TYPE_CHECKING:
 
 
 class VoxelSize(QWidget):
-    """The voxel size of a layer, with a choice of its unit.
+    """The voxel size of a layer, to be typed, with a choice of its unit.
 
     `chosen` is emitted with a `LengthUnit` when a person chooses one, `shown` with every one that
-    is shown. The numbers stay those of the layer: a file may say mm and mean µm.
+    is shown, `typed` with the mm z y x of another size. The unit leaves the numbers of the layer
+    as they are: a file may say mm and mean µm.
     """
 
     chosen = Signal(object)
     shown = Signal(object)
+    typed = Signal(object)
 
     def __init__(self) -> None:
         super().__init__()
@@ -34,10 +39,14 @@ class VoxelSize(QWidget):
         self._own = self.unit = MM
         self._layer: Layer | None = None
         self._chosen: str | None = None
-        self.size = label("", "status")
+        self._text = ""
+        self.size = QLineEdit()
+        self.size.setAccessibleName("Edges of a voxel along z, y and x")
         # Numbers of many digits must not widen the panel.
         self.size.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self.names = Choice(*UNITS)
+        # The numbers want the room.
+        self.names.setMinimumContentsLength(3)
         self.names.setAccessibleName("Unit of lengths")
         self.names.setToolTip(
             "What the numbers of the file are: mm, µm, or nothing known, which is counted in "
@@ -55,6 +64,7 @@ class VoxelSize(QWidget):
         grid.addWidget(self.assumed, 1, 0, 1, 2)
         grid.setColumnStretch(0, 1)
         self.names.activated.connect(lambda _: self._choose())
+        self.size.editingFinished.connect(self._read)
 
     def show_layer(self, layer: Layer, unit: LengthUnit | None = None) -> None:
         """Show the voxel size of a layer.
@@ -84,15 +94,49 @@ class VoxelSize(QWidget):
         self.unit = unit
         self.names.setCurrentText(unit.name)
         edges = [edge * unit.per_mm for edge in self._spacing]
-        # Three digits of each with thin spaces; less where that finds no room beside the choice.
-        forms = (("\u2009×\u2009", 3), ("×", 3), ("×", 2))
+        # Three digits of each; less where that finds no room beside the choice.
+        forms = (("\u2009×\u2009", 3), ("×", 3), (" ", 3), (" ", 2))
         texts = [times.join(f"{edge:.{digits}g}" for edge in edges) for times, digits in forms]
-        width = self.size.fontMetrics().horizontalAdvance
-        fits = (text for text in texts if width(text) <= self.size.width())
-        self.size.setText(next(fits, texts[-1]))
+        width, room = self.size.fontMetrics().horizontalAdvance, self._room()
+        # Unless somebody types.
+        if not self.size.isModified() or not self.size.hasFocus():
+            self._text = next((text for text in texts if width(text) <= room), texts[-1])
+            self.size.setText(self._text)
+            # Of too many digits, the first are seen.
+            self.size.setCursorPosition(0)
         whole = " × ".join(f"{edge:.6g}" for edge in edges)
-        self.size.setToolTip(f"Edges of a voxel along z, y and x: {whole} {unit.name}.")
+        self.size.setToolTip(
+            f"Edges of a voxel along z, y and x: {whole} {unit.name}. Type others, such as "
+            "3 0.5 0.5, and press Enter."
+        )
         self.shown.emit(unit)
+
+    def _room(self) -> int:
+        """Return the width that numbers may have, pixels."""
+        letters = SIZED * self.size.fontMetrics().horizontalAdvance("x")
+        frame = self.size.sizeHint().width() - letters
+        return int(self.size.width() - frame)
+
+    def _read(self) -> None:
+        if not self.size.isModified():
+            return
+        typed = self.size.text()
+        self.size.setModified(False)
+        with errors_shown():
+            edges, before = edges_of(typed), edges_of(self._text)
+            # What is typed is a length, and voxels are none.
+            if self.unit.name == "voxels":
+                self.names.setCurrentText(MM.name)
+                self._choose()
+            # What was left as it stood was rounded to be shown.
+            self.typed.emit(
+                tuple(
+                    mm if edge == shown else edge / self.unit.per_mm
+                    for mm, edge, shown in zip(self._spacing, edges, before, strict=True)
+                )
+            )
+        # Where it cannot be read that is told, and the size stays.
+        self._show(self.unit)
 
     def _choose(self) -> None:
         self._chosen = self.names.currentText()
@@ -104,3 +148,24 @@ class VoxelSize(QWidget):
             return LengthUnit.voxels(self._spacing)
         # The layer's own numbers: its mm, or its µm where it has those.
         return LengthUnit(name, 1.0 if self._own.name == "voxels" else self._own.per_mm)
+
+
+def edges_of(text: str) -> tuple[float, float, float]:
+    """Read the edges of a voxel, z y x.
+
+    Raises
+    ------
+    ValueError
+        If they are not three positive numbers.
+    """
+    parts = re.split(r"[\s×x,;]+", text.strip().lower())
+    try:
+        z, y, x = (float(part) for part in parts)
+        if min(z, y, x) > 0 and max(z, y, x) < math.inf:
+            return z, y, x
+    except ValueError:
+        # Said below.
+        pass
+    raise ValueError(
+        f"a voxel size must be three positive numbers, of z, y and x, as in 3 0.5 0.5; got {text!r}"
+    )
