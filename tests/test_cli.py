@@ -448,6 +448,10 @@ def test_a_picture_that_is_the_background_is_not_overwritten(
         assert result.exit_code == 1
         assert "is the input and would be overwritten" in result.output.replace("\n", " ")
         assert Path(name).read_bytes() == before
+    # A colour is none, though a folder has its name.
+    Path("light").mkdir()
+    result = run("movie", bag, "light", "--size", 32, 32, "--background", "light", "--at", "t=1")
+    assert "would be overwritten" not in result.output.replace("\n", " ")
     # Nor with the folder that it is in.
     Path("photos").mkdir()
     Path("photo.png").rename("photos/photo.png")

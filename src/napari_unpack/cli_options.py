@@ -278,14 +278,16 @@ Scale = Annotated[bool, typer.Option("--scale-bar", help="Draw a scale bar.")]
 
 
 def picture_file(background: str | None) -> Path | None:
-    """Return the file that a background may be, an input of the command; colours are none.
+    """Return the picture that a background is, an input of the command; None where it is colours.
 
     Parameters
     ----------
     background : str, optional
         As the option takes it.
     """
-    return None if background is None else Path(background)
+    from napari_unpack.appearance.background import is_picture
+
+    return Path(background) if background is not None and is_picture(background) else None
 
 
 def requested_decorations(background: str | None, box: bool, scale: bool) -> Decorations | None:

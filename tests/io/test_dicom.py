@@ -187,6 +187,7 @@ def test_what_a_series_does_not_say_is_told(tmp_path: Path) -> None:
         "it gives no pixel size",
         "it does not say what its numbers mean",
         "it gives no positions of its slices",
+        "it gives no distance of slices",
     ]
 
 

@@ -379,6 +379,7 @@ class Brush:
 
     def run(self) -> None:
         """Run what has been asked for until now, once the brush is quiet."""
+        self.scheduler.finish_tasks()
         self.scheduler.advance(QUIET_MS)
         asked, self.asked[:] = list(self.asked), []
         for task, take, refused in asked:
@@ -388,6 +389,7 @@ class Brush:
                 refused(error)
             else:
                 take(edited)
+        self.scheduler.finish_tasks()
 
     def is_in_step(self) -> bool:
         """Return whether the layer shows the session's labels."""
@@ -439,6 +441,29 @@ def test_a_stroke_on_labels_that_change_meanwhile_is_compared_again() -> None:
     assert brush.session.labels[36, 2, 2] == CUBE
     assert brush.session.ids == (BELL, CUBE)
     assert brush.is_in_step()
+
+
+def test_a_stroke_on_an_object_that_has_left_meanwhile_costs_no_other_stroke() -> None:
+    brush, first = Brush(), bells()[1]
+    brush.run()
+    brush.layer.paint((38, 36, 60), SLAB)
+    brush.layer.paint((8, 20, 64), SLAB)
+    brush.scheduler.advance(QUIET_MS)
+    ((task, take, _),) = brush.asked
+    brush.asked.clear()
+    edited = task.run(no_progress)
+    # On whom the second was.
+    brush.session.force_unpack(CUBE)
+    take(edited)
+    brush.run()
+    wanted = first.copy()
+    wanted[np.logical_and(brush.layer.data != first, first != CUBE)] = SLAB
+    assert np.array_equal(brush.session.labels, wanted)
+    assert brush.session.labels[38, 36, 60] == SLAB
+    assert brush.session.labels[8, 20, 64] == CUBE
+    assert brush.is_in_step()
+    (said,) = brush.told
+    assert said.endswith("The strokes on those outside are taken back, all others count.")
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """The unit chosen in step 1 is that of everything told."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,12 @@ from pytestqt.qtbot import QtBot
 from qtpy.QtCore import Qt
 from qtpy.QtTest import QTest
 
+from napari_unpack import io
 from napari_unpack.geometry.length_unit import MICRO, LengthUnit
 from napari_unpack.io import open_session, save_objects_csv, save_session
 from napari_unpack.io.file_data import NO_VOXEL_SIZE
 from napari_unpack.io.report import save_objects_page
+from napari_unpack.layers.placement import SIZE_ASSUMED
 from napari_unpack.session.measurements import SurfacePoint
 from napari_unpack.widgets.narrow import SIZED
 from napari_unpack.widgets.object_model import Column
@@ -132,6 +135,22 @@ def test_what_had_to_be_assumed_of_the_file_stands_below_the_voxel_size(
     assert not shown.assumed.isVisibleTo(shown)
 
 
+def test_what_readers_assume_of_sizes_is_told_from_all_else_that_they_assume() -> None:
+    # Read from their sources, so that a sentence that is worded anew is seen here.
+    found = {
+        text
+        for file in Path(io.__file__).parent.glob("*.py")
+        for text in re.findall(r'"([^"\n]* assumed[^"\n]*)"', file.read_text("utf-8"))
+    }
+    of_sizes = {text for text in found if SIZE_ASSUMED.search(text)}
+    assert len(of_sizes) == 8
+    assert {text.split(":")[0] for text in found - of_sizes} == {
+        "it gives no positions of its slices",
+        "it gives no direction of its slices",
+        "{who} not say what {whose} numbers mean",
+    }
+
+
 def _type_size(panel: Any, text: str) -> None:
     size = panel.segment.voxels.size
     size.setFocus()
@@ -169,7 +188,7 @@ def test_the_voxel_size_is_typed_and_is_that_of_the_volume_and_the_labels_on_it(
 
 
 @pytest.mark.parametrize(
-    "text", ["3 1", "3 1 1 1", "0 1 1", "-1 1 1", "nan 1 1", "inf 1 1", "a b c"]
+    "text", ["3 1", "3 1 1 1", "0 1 1", "-1 1 1", "1 nan 1", "1 1 nan", "inf 1 1", "a b c"]
 )
 def test_a_voxel_size_that_is_none_is_refused_in_a_sentence(
     viewer: Any, panel: Any, text: str
@@ -183,6 +202,18 @@ def test_a_voxel_size_that_is_none_is_refused_in_a_sentence(
     assert said.endswith(f"got {text!r}.")
     np.testing.assert_allclose(image.scale, (2, 1, 1))
     assert panel.segment.voxels.size.text() == TWO
+
+
+def test_of_voxels_all_that_is_typed_is_taken_for_millimetres(viewer: Any, panel: Any) -> None:
+    image = viewer.add_image(np.zeros((8, 9, 10), np.uint16), scale=(2, 2, 2))
+    panel.segment.volume_input.choose(image)
+    names = panel.segment.voxels.names
+    names.setCurrentText("voxels")
+    names.activated.emit(names.currentIndex())
+    assert panel.segment.voxels.size.text() == ONE
+    _type_size(panel, "3 1 1")
+    np.testing.assert_allclose(image.scale, (3, 1, 1))
+    assert names.currentText() == "mm"
 
 
 def test_a_voxel_size_typed_in_micrometres_is_that_of_a_layer_in_micrometres(

@@ -68,7 +68,7 @@ class Background:
         if isinstance(wanted, str) and wanted.lower() in NAMED:
             name = wanted.lower()
             return cls(tuple(_color(c) for c in NAMED[name]), name=name)
-        if isinstance(wanted, str | Path) and _is_file(wanted):
+        if isinstance(wanted, str | Path) and is_picture(wanted):
             return cls.of(_read(Path(wanted)))
         if isinstance(wanted, str):
             wanted = wanted.split(",")
@@ -115,7 +115,21 @@ def _painted(background: Background, size: tuple[int, int]) -> NDArray[np.float3
     return image
 
 
-def _is_file(wanted: str | Path) -> bool:
+def is_picture(wanted: str | Path) -> bool:
+    """Tell whether a background that is asked for by a word is a picture's file.
+
+    Parameters
+    ----------
+    wanted : str or Path
+        A name out of `NAMED` or colours; a path where it has a point or a slash.
+
+    Raises
+    ------
+    ValueError
+        If it is a path, and no file is there.
+    """
+    if isinstance(wanted, str) and wanted.lower() in NAMED:
+        return False
     if isinstance(wanted, Path) or "." in wanted or "/" in wanted:
         if not Path(wanted).is_file():
             raise ValueError(f"background: there is no picture {str(wanted)!r}")

@@ -99,7 +99,7 @@ class Pose:
         """
         return np.linalg.inv(camera.pivot_from_world()) @ self.pivot_from_world(box_center)
 
-    def camera(self, view: Camera, flatness: float) -> Camera:
+    def cast_camera(self, view: Camera, flatness: float) -> Camera:
         """Return the camera that an object at this pose is cast with and seen by.
 
         Parameters
@@ -120,9 +120,9 @@ class Pose:
         box_center : (3,) array_like
             Centre of the object's box, world mm.
         view, flatness
-            As for `camera`.
+            As for `cast_camera`.
         """
-        return Projection(self.pivot_from_world(box_center), self.camera(view, flatness))
+        return Projection(self.pivot_from_world(box_center), self.cast_camera(view, flatness))
 
     def toward(self, other: Pose, fraction: float) -> Pose:
         """Interpolate to another pose: straight centre, shortest turn, geometric size.

@@ -378,9 +378,10 @@ def _volume(
     # Read in their order, so that the volume needs no second copy to be turned.
     if heights is None or np.ptp(heights) == 0:
         gap = first.numbers("SpacingBetweenSlices", 1) or first.numbers("SliceThickness", 1)
-        said = NO_VOXEL_SIZE if gap is None else "the distance of slices is their thickness"
+        thickness = "it gives no distance of slices: their thickness was assumed"
         ordered = slices if len({p.path for p in slices}) == 1 else sorted(slices, key=_number)
-        assumed.append(f"it gives no positions of its slices: their order was assumed; {said}")
+        assumed.append("it gives no positions of its slices: their order was assumed")
+        assumed.append(NO_VOXEL_SIZE if gap is None else thickness)
         volume = np.stack([pixels.density(part) for part in ordered])
         return volume, checked_spacing(((gap or (1.0,))[0], rows, columns), source), None
     if first.directions is None:

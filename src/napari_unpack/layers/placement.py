@@ -197,7 +197,7 @@ def spacing_of(layer: Layer) -> tuple[float, float, float]:
     return (z, y, x)
 
 
-SIZE_ASSUMED = re.compile(r"\b(mm|rows) was assumed")
+SIZE_ASSUMED = re.compile(r"\b(mm|rows|thickness) was assumed")
 """In what the readers of `io` say of a file without a voxel size, distance of slices or unit."""
 
 

@@ -236,7 +236,7 @@ def scene_image(
         for i, flight in scene.flights.items():
             pose = flight.pose(time, camera)
             # So that it does not jump where its sprite follows.
-            flat = pose.camera(camera, flight.flatness(time, camera))
+            flat = pose.cast_camera(camera, flight.flatness(time, camera))
             patches.append(object_image(scene, i, pose, flat, size, 1.0, backend, shading))
     drawn = _rulers_drawn(scene, camera, size, time)
     if not inspected:
@@ -260,7 +260,7 @@ def _rulers_drawn(
 ) -> list[tuple[Pixels, tuple[str, ...]]]:
     """Return points and numbers of the rulers that can be drawn now."""
 
-    def seen(object_id: int) -> Projection | None:
+    def projection_of(object_id: int) -> Projection | None:
         flatness = 0.0
         if object_id in scene.inspected:
             pose = _inspected_pose(scene, object_id, camera, size)
@@ -283,7 +283,7 @@ def _rulers_drawn(
         owners = frozenset(i if i in scene.mean_densities else 0 for i in ruler.owners)
         # The inspected object stands before all others, and before what was measured on them.
         if not scene.inspected or owners == frozenset(scene.inspected):
-            pixels = ruler_pixels(owners, ruler.points, seen, size)
+            pixels = ruler_pixels(owners, ruler.points, projection_of, size)
             if pixels is not None:
                 found.append((pixels, ruler.numbers))
     return found

@@ -50,7 +50,7 @@ class Ruler:
 def ruler_pixels(
     owners: frozenset[int],
     points: NDArray[np.float64],
-    seen: Callable[[int], Projection | None],
+    projection_of: Callable[[int], Projection | None],
     size: tuple[int, int],
 ) -> Pixels | None:
     """Return the pixels of points that were measured; None where they cannot be shown.
@@ -61,12 +61,12 @@ def ruler_pixels(
         Whose points they are, 0 for none.
     points : (N, 3) ndarray of float64
         mm of the scan.
-    seen : callable
+    projection_of : callable
         Returns how an object is seen now, None where it is not.
     size : (int, int)
         Height and width of the image, pixels.
     """
-    first, *others = [seen(i) for i in owners]
+    first, *others = [projection_of(i) for i in owners]
     if first is None:
         return None
     for other in others:

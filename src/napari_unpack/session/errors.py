@@ -15,6 +15,10 @@ class BlockedError(ValueError):
     """An object chosen to leave has others in front of it."""
 
 
+class OutsideError(ValueError):
+    """Objects outside the bag are not repaired: they must be restored first."""
+
+
 class NoTableError(ValueError):
     """It is not known what blocks what."""
 

@@ -20,7 +20,7 @@ from napari_unpack.segmentation.repair import (
 )
 from napari_unpack.segmentation.review.doubts import Answer
 from napari_unpack.session import commands
-from napari_unpack.session.errors import listed_objects
+from napari_unpack.session.errors import OutsideError, listed_objects
 from napari_unpack.session.labels import Confidence, LabelData
 from napari_unpack.session.measurements import owner_after
 from napari_unpack.session.validation import MOST_ID, checked_ids
@@ -234,8 +234,10 @@ class LabelEditor:
 
         Raises
         ------
+        OutsideError
+            If it touches an object outside the bag.
         ValueError
-            If it touches an object outside the bag, or leaves none.
+            If it leaves none.
         """
         now, state = self._session.label_data, self._session.state
         # Laid over other labels it would write objects back that are gone.
@@ -305,7 +307,7 @@ class LabelEditor:
     def _refuse_outside(self, ids: Iterable[int]) -> None:
         away = self._outside(ids)
         if away:
-            raise ValueError(
+            raise OutsideError(
                 f"{listed_objects(self._session.names(away))} must be in the bag to be repaired: "
                 "restore first"
             )

@@ -130,7 +130,7 @@ class OcclusionResult:
         return any(not gone.isdisjoint(blockers(i)) for i in self.held & packed)
 
     def is_swept(self, ids: Iterable[int], packed: frozenset[int]) -> bool:
-        """Tell whether the voxels say all that must leave before some objects.
+        """Tell whether the voxels say who can leave, and all that must before some objects.
 
         Parameters
         ----------
@@ -141,12 +141,13 @@ class OcclusionResult:
         """
         if self.blocking is None or not self.held:
             return True
-        return self.held.isdisjoint(_all_before(ids, self.blocking.graph, packed))
+        before = _all_before(ids, self.blocking.graph, packed)
+        return not self._held_leaders(packed) and self.held.isdisjoint(before)
 
     def swept(
         self, ids: Iterable[int], packed: frozenset[int], blockers: Callable[[int], frozenset[int]]
     ) -> OcclusionResult:
-        """Return the result in which the voxels say all that must leave before some objects.
+        """Return the result in which the voxels say who can leave, and what must before some.
 
         Parameters
         ----------
@@ -159,15 +160,24 @@ class OcclusionResult:
         -----
         From each object to those in its way and to those in theirs: nobody else is moved.
         """
+        found, unsure = self, self._held_leaders(packed).union(ids)
+        while unsure and found.blocking is not None and found.held:
+            graph, held = found.blocking.graph.copy(), set(found.held)
+            for one in _all_before(unsure, graph, packed):
+                if one in held:
+                    held.remove(one)
+                    graph.remove_edges_from(list(graph.in_edges(one)))
+                    graph.add_edges_from((other, one) for other in blockers(one))
+            found = replace(found, blocking=BlockingGraph(graph), held=frozenset(held))
+            # What has moved may let others lead.
+            unsure = found._held_leaders(packed)
+        return found
+
+    def _held_leaders(self, packed: frozenset[int]) -> frozenset[int]:
+        """Return those who could leave, alone or in a group, if rays were right about them."""
         if self.blocking is None or not self.held:
-            return self
-        graph, held = self.blocking.graph.copy(), set(self.held)
-        for one in _all_before(ids, graph, packed):
-            if one in held:
-                held.remove(one)
-                graph.remove_edges_from(list(graph.in_edges(one)))
-                graph.add_edges_from((other, one) for other in blockers(one))
-        return replace(self, blocking=BlockingGraph(graph), held=frozenset(held))
+            return frozenset()
+        return self.held.intersection(chain(*self.blocking.among(packed).unpackable_groups()))
 
     def groups(self, packed: frozenset[int], max_group_size: int) -> list[Group]:
         """Return what can leave: single objects, and interlocked groups.
@@ -240,7 +250,7 @@ class OcclusionInputs:
         known : OcclusionResult, optional
             For as many or more packed objects: no rays are cast then.
         sure : iterable of int
-            Packed objects of which the voxels are to say all that must leave before them.
+            As for `OcclusionResult.is_swept`.
         """
         wanted = tuple(sure)
         # Of more objects, it may not stand under the key of fewer: it would pass for asked afresh.
@@ -253,7 +263,7 @@ class OcclusionInputs:
                 camera, size = view_along(
                     np.array(own.direction), self.lower, self.upper, self.pitch, self.user
                 )
-                found = find_occlusion(own, self.rays, boxes, camera, size, visible, self.backend)
+                found = find_occlusion(own, self.rays, camera, size, visible, self.backend)
             if found.is_swept(wanted, key.packed):
                 return found
             return found.swept(wanted, key.packed, _sweeping(own, self.rays, boxes, visible))
@@ -262,13 +272,7 @@ class OcclusionInputs:
 
 
 def find_occlusion(
-    key: OcclusionKey,
-    rays: RayQueries,
-    boxes: LabelBoxes,
-    camera: Camera,
-    size: Size,
-    visible: Mask,
-    backend: str,
+    key: OcclusionKey, rays: RayQueries, camera: Camera, size: Size, visible: Mask, backend: str
 ) -> OcclusionResult:
     """Find what can leave along D (Li et al. 2012, section 5.1); runs on any thread.
 
@@ -276,7 +280,6 @@ def find_occlusion(
     ----------
     key : OcclusionKey
     rays : RayQueries
-    boxes : LabelBoxes
     camera : Camera
         From `view_along`, with `size`.
     size : (int, int)
@@ -291,8 +294,8 @@ def find_occlusion(
     what the voxels themselves meet on their way, where that can be had: off the axes rays find
     things that merely touch to be held by the corners of each other's voxels. What is held by
     more than a few corners need not be moved to tell that it stays: there the rays' table serves,
-    until it is asked what else must leave (`OcclusionResult.swept`). Rays also miss what is met
-    by a sliver, so that all members of a group that is to leave are moved.
+    until it is to leave, or it is asked what must leave before (`OcclusionResult.swept`): rays
+    miss what is met by a sliver.
     """
     start = perf_counter()
     direction = np.array(key.direction)
@@ -312,12 +315,9 @@ def find_occlusion(
     if blocking is not None:
         # Counts have no rows for them, and a graph of all that is packed is asked about them.
         blocking.graph.add_nodes_from(unseen)
-    found = OcclusionResult(
-        direction, key.packed, unpackable, blocking, ratios(counts), 0.0, held - unpackable
-    )
-    if found.held:
-        found = _with_groups_swept(found, _sweeping(key, rays, boxes, visible))
-    return replace(found, seconds=perf_counter() - start)
+    seconds, held = perf_counter() - start, held - unpackable
+    first_hit = ratios(counts)
+    return OcclusionResult(direction, key.packed, unpackable, blocking, first_hit, seconds, held)
 
 
 def _sweeping(
@@ -326,18 +326,6 @@ def _sweeping(
     """Return what moves an object along D and returns whom it meets."""
     blockers = rays.sweep_test(np.array(key.direction), visible)
     return lambda i: blockers(i, boxes.slices(i), len(key.packed))
-
-
-def _with_groups_swept(
-    found: OcclusionResult, blockers: Callable[[int], frozenset[int]]
-) -> OcclusionResult:
-    while found.blocking is not None:
-        groups = found.blocking.unpackable_groups()
-        unsure = found.held.intersection(chain(*groups))
-        if not unsure:
-            break
-        found = found.swept(unsure, found.packed, blockers)
-    return found
 
 
 def _swept_table(

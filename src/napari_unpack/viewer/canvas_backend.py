@@ -257,7 +257,7 @@ class CanvasBackend:
             place = self._places.setdefault(object_id, -1)
             if place < 0:
                 place = self._places[object_id] = next(unused)
-            flat = one.pose.camera(camera, one.flatness)
+            flat = one.pose.cast_camera(camera, one.flatness)
             image = self._object(object_id, place, one, flat, *sizes(one), done)
             if image is not None:
                 # Its pixels are those of the view, whichever rays went through them.

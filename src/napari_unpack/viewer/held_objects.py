@@ -61,7 +61,7 @@ class HeldObjects:
             return
         rows, cols = self._renderer.frame.size
         # At the depth of the sprite: it stays under the hand.
-        mm = pose.camera(self._renderer.frame.camera, 1.0).height / rows
+        mm = pose.cast_camera(self._renderer.frame.camera, 1.0).height / rows
         # Never out of the window: there is nothing to take hold of there.
         edge = mm * np.array([0.0, rows, cols]) / 2
         center = np.clip(pose.center + mm * np.array([0.0, *pixels]), -edge, edge)

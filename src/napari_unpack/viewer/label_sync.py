@@ -3,27 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from napari.layers import Labels, Layer
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import LabelBoxes
+from napari_unpack.session.errors import OutsideError
+from napari_unpack.tasks import Cancelled, Task
 from napari_unpack.viewer.protocols import Event
-from napari_unpack.viewer.scheduler import Scheduler
+from napari_unpack.viewer.scheduler import Scheduler, Worker
 
 if TYPE_CHECKING:
     from napari_unpack.session import Session
     from napari_unpack.session.label_edits import EditedLabels
-    from napari_unpack.tasks import Task
 
-    Apply = Callable[[EditedLabels | None], bool]
+T = TypeVar("T")
 
 # After the last stroke of a brush: a hand draws the next one within it.
 QUIET_MS = 300
-
-ALL = (slice(None),) * 3
 
 
 class LabelSync:
@@ -36,8 +36,8 @@ class LabelSync:
     sources : sequence of napari layers
         The user's own that the session is of. Its labels are those of the 3D Labels among them.
     run : callable
-        Given a task of `LabelEditor`, what applies its result, and what is given its error, has
-        it run on another thread and applied; returns False where that must wait.
+        Given a task of `LabelEditor`, what is given its result, and what is given its error, has
+        it run on another thread; returns False where that must wait.
     message : callable
         Given a sentence for the user.
     recoloring : callable
@@ -59,7 +59,14 @@ class LabelSync:
         session: Session,
         scheduler: Scheduler,
         sources: Sequence[Layer],
-        run: Callable[[Task[Any], Apply, Callable[[Exception], None]], bool],
+        run: Callable[
+            [
+                Task[EditedLabels | None],
+                Callable[[EditedLabels | None], None],
+                Callable[[Exception], None],
+            ],
+            bool,
+        ],
         message: Callable[[str], None],
         recoloring: Callable[[], bool],
     ) -> None:
@@ -78,7 +85,11 @@ class LabelSync:
             if _is_array(layer) and not self._fits(layer):
                 self._tell(layer)
         self._painted = next(filter(self._fits, self._layers), None)
-        self._compare()
+        if self._painted is not None:
+            # By itself: nobody has asked for it, and repairs do not wait for it.
+            self._submit(
+                session.label_editor.paint_task(np.asarray(self._painted.data)), self._take
+            )
 
     @property
     def pending(self) -> bool:
@@ -88,6 +99,7 @@ class LabelSync:
     def close(self) -> None:
         """Follow and show nothing more."""
         self._scheduler.forget(self._compare)
+        self._scheduler.cancel(self)
         self._session.events.labels.disconnect(self._show, missing_ok=True)
         for event in _edits(self._layers):
             event.disconnect(self._on_painted)
@@ -142,17 +154,19 @@ class LabelSync:
         # Another array may have been put into the layer: no stroke of a brush.
         return _is_array(layer) and layer.data.shape == self._session.labels.shape
 
-    def _take(self, edited: EditedLabels | None) -> bool:
+    def _take(self, edited: EditedLabels | None) -> None:
         """Apply what a brush has changed, and take out of the layers what is refused."""
         try:
             applied = edited is None or self._session.label_editor.apply(edited)
+        except OutsideError:
+            applied = False
         except ValueError as error:
             self._give_up(error)
-            return True
+            return
         if not applied:
             # Another change came between: the stroke is still in the layer.
             self._wait()
-            return True
+            return
         refused = None if edited is None else edited.refused
         if refused is not None and len(refused.where):
             shape = self._session.labels[refused.box].shape
@@ -161,19 +175,28 @@ class LabelSync:
                 "Objects must be in the bag to be painted on: restore them first. The strokes on "
                 "those outside are taken back, all others count."
             )
-        return True
 
     def _give_up(self, error: Exception) -> None:
         """Take out of the layers all that the session has not taken over."""
+        if isinstance(error, Cancelled):
+            return
         given, labels = self._given(), self._session.labels
-        for layer in filter(self._fits, self._layers):
-            planes = zip(labels, layer.data, strict=True)
-            self._write(ALL, np.stack([given[ours] != theirs for ours, theirs in planes]))
+        shown = [np.asarray(layer.data) for layer in self._layers if self._fits(layer)]
+        task = Task(object(), lambda _: [_differing(given, labels, each) for each in shown])
+        self._submit(task, partial(self._take_back, error))
+
+    def _take_back(
+        self, error: Exception, found: list[tuple[slice, NDArray[np.bool_]] | None]
+    ) -> None:
+        for planes, where in filter(None, found):
+            self._write((planes, slice(None), slice(None)), where)
         # Anything else is a defect, and no fault of the brush.
         if not isinstance(error, ValueError):
             raise error
-        if self._layers:
-            self._message(f"What was painted is taken back: {error}.")
+        self._message(f"What was painted is taken back: {error}.")
+
+    def _submit(self, task: Task[T], done: Callable[[T], None]) -> None:
+        self._scheduler.submit(task, Worker.LONG, done, failed=self._give_up, slot=self)
 
     def _show(self, ids: Iterable[int]) -> None:
         """Write what the session has changed of some objects into the layers."""
@@ -207,6 +230,18 @@ class LabelSync:
         given = np.zeros(session.ids[-1] + 1, np.int64)
         given[list(session.ids)] = [session.label_of(i) for i in session.ids]
         return given
+
+
+def _differing(
+    given: NDArray[np.int64], labels: NDArray[np.uint16], shown: NDArray[Any]
+) -> tuple[slice, NDArray[np.bool_]] | None:
+    """Return the planes between which a layer shows other labels, and where; None for nowhere."""
+    pairs = list(zip(labels, shown, strict=True))
+    other = [z for z, (ours, theirs) in enumerate(pairs) if not np.array_equal(given[ours], theirs)]
+    if not other:
+        return None
+    planes = slice(other[0], other[-1] + 1)
+    return planes, np.stack([given[ours] != theirs for ours, theirs in pairs[planes]])
 
 
 def _edits(layers: Iterable[Labels]) -> list[Event]:

@@ -131,7 +131,7 @@ class ScenePicker:
         )
         return [i for i in found if i in self._renderer.session.states]
 
-    def seen(self, object_id: int, frame: Frame) -> Projection:
+    def projection_of(self, object_id: int, frame: Frame) -> Projection:
         """Return how an object is seen where it stands now, in the bag or outside.
 
         Parameters

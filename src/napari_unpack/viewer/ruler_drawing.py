@@ -24,7 +24,7 @@ from napari_unpack.session.measurements import Measurement, SurfacePoint
 from napari_unpack.viewer.canvas_lines import CanvasLines, Line
 from napari_unpack.viewer.canvas_text import CanvasText, text_quad
 from napari_unpack.viewer.protocols import PointerTarget
-from napari_unpack.viewer.surface_points import seen
+from napari_unpack.viewer.surface_points import projection_of
 
 # Voxels from the slice within which a point counts as in it, and how faint a line is that is not.
 IN_SLICE, FAINT = 1.0, 0.35
@@ -134,7 +134,7 @@ class RulerDrawing:
         if inspected and owners != {inspected}:
             return None
         ends = np.array([point.at for point in points])
-        where = partial(seen, self._target, frame=frame)
+        where = partial(projection_of, self._target, frame=frame)
         return ruler_pixels(frozenset(owners), ends, where, frame.size)
 
     def _quads(self, drawn: Sequence[Drawn], size: tuple[int, int]) -> list[Quad]:

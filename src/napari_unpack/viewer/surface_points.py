@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 STEP = 0.1
 
 
-def seen(target: PointerTarget, object_id: int, frame: Frame) -> Projection | None:
+def projection_of(target: PointerTarget, object_id: int, frame: Frame) -> Projection | None:
     """Return how an object is seen where it stands now.
 
     Parameters
@@ -42,7 +42,7 @@ def seen(target: PointerTarget, object_id: int, frame: Frame) -> Projection | No
         return Projection(frame.camera.pivot_from_world(), frame.camera)
     if session.states[object_id] is ObjectState.HIDDEN:
         return None
-    return target.renderer.picker.seen(object_id, frame)
+    return target.renderer.picker.projection_of(object_id, frame)
 
 
 def surface_point(target: PointerTarget, pixel: Pixel) -> SurfacePoint | None:
@@ -56,7 +56,7 @@ def surface_point(target: PointerTarget, pixel: Pixel) -> SurfacePoint | None:
     """
     frame, interaction = target.renderer.frame, target.interaction
     object_id = interaction.under(pixel)
-    projection = None if frame is None or not object_id else seen(target, object_id, frame)
+    projection = None if frame is None or not object_id else projection_of(target, object_id, frame)
     if frame is None or projection is None:
         return None
     start, way = projection.ray(interaction.frame_pixel(pixel), frame.size)

@@ -210,7 +210,7 @@ def cast_moving(
         None where it is out of view.
     """
     small, step = detail(moving, size, share)
-    pose, flat = moving.pose, moving.pose.camera(camera, moving.flatness)
+    pose, flat = moving.pose, moving.pose.cast_camera(camera, moving.flatness)
     patch = object_image(scene, object_id, pose, flat, small, step, "cpu", smooth=moving.in_front)
     # Only its own rectangle is sent to the graphics card.
     image = RenderedImage.of(patch.trimmed(), camera, small)

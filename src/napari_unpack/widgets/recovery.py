@@ -95,8 +95,8 @@ class RecoveryKeeper(QObject):
             self._session = ref(session)
         if not preferences().keep_unsaved:
             # Nothing of the scan is to stay on the disk either.
+            self._kept = False
             scheduler.submit(_task(self._copy.discard), Worker.LONG, _nothing, slot=self._copy)
-            self._copy, self._kept = UnsavedCopy(recovery_folder()), False
             return
         if not self._unsaved.worth_keeping:
             if self._kept:

@@ -149,11 +149,21 @@ class RepairTools(QObject):
             self._asked = task_of(session.label_editor)
             self._start(session, self._asked, apply)
 
-    def _ask(self, task: Task[Any], apply: Apply, refused: Refused) -> bool:
+    def _ask(
+        self,
+        task: Task[EditedLabels | None],
+        take: Callable[[EditedLabels | None], None],
+        refused: Refused,
+    ) -> bool:
         # The stroke is compared again a moment later.
         if self._workspace.scheduler.has(SLOT) or self._workspace.session is None:
             return False
-        self._start(self._workspace.session, task, apply, refused)
+
+        def taken(edit: EditedLabels | None) -> bool:
+            take(edit)
+            return True
+
+        self._start(self._workspace.session, task, taken, refused)
         return True
 
     def _start(

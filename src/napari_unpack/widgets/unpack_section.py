@@ -36,6 +36,9 @@ if TYPE_CHECKING:
 
 SEARCHING = "Looking for unpackable objects…"
 
+# As in the plugin's preferences.
+FLIGHT_SECONDS = (0.1, 5.0)
+
 # In three lines, as any sentence of this place.
 DRAWING = (
     "Drag an arrow, or turn it with the arrow keys and press Enter (Shift+Enter: straight out of "
@@ -43,8 +46,6 @@ DRAWING = (
 )
 
 # Of one button, both ways.
-# As in the plugin's preferences.
-FLIGHT_SECONDS = (0.1, 5.0)
 INSPECT_HELP = "Show one object alone: the selected one, or the last unpacked (I)."
 LEAVE_HELP = "Put the object back where it was, and show the bag (I or Escape)."
 

@@ -124,10 +124,11 @@ class VoxelSize(QWidget):
         self.size.setModified(False)
         with errors_shown():
             edges, before = edges_of(typed), edges_of(self._text)
-            # What is typed is a length, and voxels are none.
             if self.unit.name == "voxels":
+                # What is typed is a length, and voxels are none.
                 self.names.setCurrentText(MM.name)
                 self._choose()
+                before = (math.nan,) * 3
             # What was left as it stood was rounded to be shown.
             self.typed.emit(
                 tuple(
@@ -161,7 +162,7 @@ def edges_of(text: str) -> tuple[float, float, float]:
     parts = re.split(r"[\s×x,;]+", text.strip().lower())
     try:
         z, y, x = (float(part) for part in parts)
-        if min(z, y, x) > 0 and max(z, y, x) < math.inf:
+        if all(0 < edge < math.inf for edge in (z, y, x)):
             return z, y, x
     except ValueError:
         # Said below.
