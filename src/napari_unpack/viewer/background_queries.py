@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from napari_unpack.rendering.scene import Scene
     from napari_unpack.session import Session
     from napari_unpack.session.placement import Bag
+    from napari_unpack.session.state import Group
 
 # Slot of the question what can leave; commands that need the answer wait for it.
 OCCLUSION = "occlusion"
@@ -103,6 +104,9 @@ class BackgroundQueries:
         queries, revision = self._session.queries, self._revision
         if queries.occlusion_task() is None:
             self._known()
+        elif groups := queries.unpackable_groups():
+            # Some of them: who else may leave is being moved.
+            self._tell(groups)
         occlusion = queries.occlusion_task(finer=True)
         if occlusion is not None:
             done = partial(self._store_occlusion, occlusion)
@@ -141,9 +145,11 @@ class BackgroundQueries:
             session.unpackable()
         finally:
             self._storing = False
-        groups = session.queries.unpackable_groups()
-        self._unpackable(frozenset(int(i) for group in groups for i in group))
+        self._tell(session.queries.unpackable_groups())
         self._prefetch()
+
+    def _tell(self, groups: Iterable[Group]) -> None:
+        self._unpackable(frozenset(int(i) for group in groups for i in group))
 
     def _prefetch(self) -> None:
         """Make ready what is next and is not ready yet.

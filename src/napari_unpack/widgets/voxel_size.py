@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from qtpy.QtGui import QResizeEvent
 
 
+TYPED = "Type others, such as 3 0.5 0.5, and press Enter."
+
+
 class VoxelSize(QWidget):
     """The voxel size of a layer, to be typed, with a choice of its unit.
 
@@ -42,6 +45,7 @@ class VoxelSize(QWidget):
         self._text = ""
         self.size = QLineEdit()
         self.size.setAccessibleName("Edges of a voxel along z, y and x")
+        self.size.setToolTip(f"Edges of a voxel along z, y and x. {TYPED}")
         # Numbers of many digits must not widen the panel.
         self.size.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self.names = Choice(*UNITS)
@@ -105,10 +109,7 @@ class VoxelSize(QWidget):
             # Of too many digits, the first are seen.
             self.size.setCursorPosition(0)
         whole = " × ".join(f"{edge:.6g}" for edge in edges)
-        self.size.setToolTip(
-            f"Edges of a voxel along z, y and x: {whole} {unit.name}. Type others, such as "
-            "3 0.5 0.5, and press Enter."
-        )
+        self.size.setToolTip(f"Edges of a voxel along z, y and x: {whole} {unit.name}. {TYPED}")
         self.shown.emit(unit)
 
     def _room(self) -> int:
