@@ -290,14 +290,13 @@ class Queries:
         return tuple(sorted(key.occlusion.packed, key=self._session.state.queue.precedence(depths)))
 
     def unpackable_groups(self) -> tuple[Group, ...]:
-        """Return what can leave now as far as the voxels say, groups whole; casts no rays.
+        """Return what can leave now as far as that is known, groups whole; casts no rays.
 
         The queue is used up before it is asked anew, so it may hold fewer.
         """
         known, queue = self._known_occlusion(), self._session.state.queue
         if known is not None:
-            groups = known.groups(self.packed, self._session.rules.max_group_size)
-            return tuple(group for group in groups if known.held.isdisjoint(group))
+            return tuple(known.groups(self.packed, self._session.rules.max_group_size))
         fits = queue.along(self.direction) and not queue.least_occluded
         return queue.groups if fits else ()
 

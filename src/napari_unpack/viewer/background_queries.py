@@ -105,7 +105,7 @@ class BackgroundQueries:
         if queries.occlusion_task() is None:
             self._known()
         elif groups := queries.unpackable_groups():
-            # Some of them: who else may leave is being moved.
+            # As far as rays say; those that they may be wrong about are moved now.
             self._tell(groups)
         occlusion = queries.occlusion_task(finer=True)
         if occlusion is not None:
