@@ -23,7 +23,7 @@ import napari_unpack as nu
 from napari_unpack.appearance import Decorations
 from napari_unpack.geometry.view import FROM_ABOVE, Camera, View
 from napari_unpack.io import save_interactive_page
-from napari_unpack.io.headless import copy_session
+from napari_unpack.io.headless import packed_copy
 from napari_unpack.io.interactive_page import WINDOW
 from napari_unpack.rendering.compose import scene_image
 from napari_unpack.rendering.scene import Scene
@@ -112,7 +112,7 @@ def hue(colors: np.ndarray) -> float:
 
 def layout(session: nu.Session) -> tuple[nu.Session, Camera]:
     """Return all unpacked in the page's window, and its camera."""
-    shown = copy_session(session)
+    shown = packed_copy(session)
     shown.canvas_size = WINDOW
     while len(shown.poses) < len(shown.ids):
         shown.go_to(shown.step + 1)

@@ -18,7 +18,7 @@ from test_simplified_surfaces import spread
 import napari_unpack as nu
 from napari_unpack.geometry.view import View
 from napari_unpack.io import interactive_page, save_interactive_page
-from napari_unpack.io.headless import copy_session
+from napari_unpack.io.headless import packed_copy
 from napari_unpack.io.surfaces import object_surface
 from napari_unpack.tasks import Cancelled
 
@@ -181,7 +181,7 @@ def test_a_path_leads_from_the_bag_along_the_direction_and_round_the_bag_to_the_
     page: tuple[str, nu.Session],
 ) -> None:
     text, session = page
-    shown = copy_session(session)
+    shown = packed_copy(session)
     shown.canvas_size = interactive_page.WINDOW
     shown.go_to(4)
     data = told(text)

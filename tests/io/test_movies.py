@@ -13,7 +13,7 @@ from scipy.linalg import polar
 from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.view import View
 from napari_unpack.io import movie, movies
-from napari_unpack.io.headless import copy_session, frame_bag, unpack_in_order
+from napari_unpack.io.headless import frame_bag, packed_copy, snapshot, unpack_in_order
 from napari_unpack.io.images import straight_bytes
 from napari_unpack.io.movies import movie_writer, turned
 from napari_unpack.rendering.compose import scene_image
@@ -151,7 +151,7 @@ def test_a_twin_takes_over_what_is_seen_but_has_everything_packed(session: Any) 
     session.hide([3])
     session.apply_hues({1: 0.125})
     session.unpack(1)
-    other = copy_session(session)
+    other = packed_copy(session)
     assert [state.value for state in other.states.values()] == ["packed", "packed", "hidden"]
     assert other.hues == session.hues
     assert other.direction == (0.0, 1.0, 0.0)
@@ -182,12 +182,12 @@ def test_pictures_and_films_show_what_was_measured_where_it_is_now(session: Any)
     assert drawn(first, lit)
     assert drawn(second, lit)
     # A film of the session begins with the same, and a switch leaves it out of both.
-    film = copy_session(session)
+    film = packed_copy(session)
     film.look(camera)
     assert drawn(first, yellow(film))
     session.measurements.shown = False
     assert not yellow(session).any()
-    assert not yellow(copy_session(session, packed=False)).any()
+    assert not yellow(snapshot(session)).any()
     session.measurements.shown = True
 
     film.animated = True
@@ -276,7 +276,7 @@ def test_a_film_shows_the_steps_of_a_person_and_goes_on(tmp_path: Path, session:
     np.testing.assert_array_equal(whole[-1], seen())
     # What is out and hidden takes no step of its own.
     session.hide([3])
-    assert copy_session(session).steps == ((1,), (2,))
+    assert packed_copy(session).steps == ((1,), (2,))
     assert len(frames("hidden")) == len(whole) - 2
 
 
@@ -300,7 +300,7 @@ def test_a_turntable_shows_the_session_as_it_stands_from_all_around(
     assert files == [f"frame-{k:05d}.png" for k in range(1, 9)]
     frames = [iio.imread(path / name).astype(int) for name in files]
     assert {frame.shape for frame in frames} == {(80, 100, 3)}
-    still = copy_session(session, packed=False)
+    still = snapshot(session)
     still.canvas_size = 80, 100
     # Sprites included, and at every turn of it the bag.
     radius = still.bag.radius

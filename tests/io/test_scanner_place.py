@@ -10,7 +10,7 @@ import pytest
 
 from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.io import load_volume, open_session, save_scan, save_session, save_surfaces
-from napari_unpack.io.headless import copy_session, open_scan
+from napari_unpack.io.headless import open_scan, packed_copy
 from napari_unpack.session.containers import open_container
 
 sitk = pytest.importorskip("SimpleITK")
@@ -86,7 +86,7 @@ def test_surfaces_lie_on_the_scan_also_of_saved_sessions_and_opened_objects(
     ids = np.where(np.isin(volume, [1000, 1500]), 1, np.where(volume > 0, 2, 0)).astype(np.uint8)
     session = open_scan(scan.with_labels(ids), (1.0, 0.0, 0.0))
     save_session(session, tmp_path / "bag.unpack")
-    for one in (session, copy_session(session), open_session(tmp_path / "bag.unpack")):
+    for one in (session, packed_copy(session), open_session(tmp_path / "bag.unpack")):
         mesh = trimesh.load_mesh(save_surfaces(one, tmp_path / "ball.stl", [1]))
         # The ball is cut off by the scan's first slice, so that its middle is a little off.
         np.testing.assert_allclose(mesh.center_mass, there, atol=0.6)

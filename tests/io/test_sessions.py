@@ -17,7 +17,7 @@ import pytest
 import napari_unpack as nu
 from napari_unpack.appearance import Decorations
 from napari_unpack.io import Scan, save_scan
-from napari_unpack.io.headless import copy_session, open_scan
+from napari_unpack.io.headless import open_scan, packed_copy
 from napari_unpack.io.session_archive import holds_session
 from napari_unpack.io.sessions import standing_of
 from napari_unpack.rendering.compose import scene_image
@@ -458,7 +458,7 @@ def test_what_had_to_be_assumed_of_the_scan_comes_back(session, tmp_path):
     path = nu.save_session(open_scan(bare, (1, 0, 0)), tmp_path / "s.unpack")
     back = nu.open_session(path)
     assert back.assumed == told
-    assert copy_session(back, packed=True).assumed == told
+    assert packed_copy(back).assumed == told
     with pytest.raises(ValueError, match="assumed must be a list of texts"):
         nu.open_session(changed(path, setting("session", "assumed", to=[1])))
     # Files of before do not tell.

@@ -14,7 +14,7 @@ from skimage.measure import marching_cubes
 import napari_unpack as nu
 from napari_unpack.geometry.length_unit import MICRO, LengthUnit
 from napari_unpack.io import surfaces
-from napari_unpack.io.headless import copy_session
+from napari_unpack.io.headless import packed_copy
 from napari_unpack.io.surfaces import level_surface, object_surface, save_surfaces
 from napari_unpack.session.containers import open_container
 from napari_unpack.tasks import Cancelled, Share
@@ -261,7 +261,7 @@ def test_surfaces_of_what_is_in_an_opened_container_lie_beside_those_of_the_bag(
     again = saved.opened_bags.open(saved, 1)
     assert again.objects["name"][3] == "lamp"
     bounds = []
-    for session in (outer, inner, again, copy_session(inner)):
+    for session in (outer, inner, again, packed_copy(inner)):
         save_surfaces(session, tmp_path / "3.stl", [3])
         bounds.append(trimesh.load(tmp_path / "3.stl").bounds)
     # The middle of the object, x to the left and y to the back as in the scan, z upside down.

@@ -11,7 +11,7 @@ from bags import session_of, stack_of_plates
 from napari_unpack.appearance import TransferFunction, hue_distance
 from napari_unpack.appearance.tints import OPACITY_POWER, nearest_hue, tints_of
 from napari_unpack.geometry.transforms import packed_pose
-from napari_unpack.io.headless import copy_session
+from napari_unpack.io.headless import packed_copy, snapshot
 from napari_unpack.io.session_json import record_of, session_from
 from napari_unpack.rendering.compose import object_image, packed_image
 from napari_unpack.rendering.object_style import ObjectStyle
@@ -41,9 +41,8 @@ def test_an_own_colour_is_in_every_table_of_tints_and_taken_back() -> None:
     np.testing.assert_allclose(session.packed_tints()[2:4], [(1, 0.5, 0, thin)] * 2)
     np.testing.assert_allclose(session.solo_tints(2)[2, :3], (1, 0.5, 0))
     np.testing.assert_array_equal(session.packed_tints()[[1, 4, 5]], automatic[[1, 4, 5]])
-    for packed in (True, False):
-        copied = copy_session(session, packed).packed_tints()
-        np.testing.assert_array_equal(copied, session.packed_tints())
+    for copied in (packed_copy(session), snapshot(session)):
+        np.testing.assert_array_equal(copied.packed_tints(), session.packed_tints())
     session.annotations.set_color(2, None)
     np.testing.assert_array_equal(session.packed_tints()[2], automatic[2])
     session.undo()
@@ -169,7 +168,7 @@ def test_a_cut_ends_with_the_inspection_and_an_opacity_curve_stays() -> None:
     assert session.style(1).transfer_function == own
     session.restore([1])
     # A film shows objects as the view does.
-    assert copy_session(session).style(1).transfer_function == own
+    assert packed_copy(session).style(1).transfer_function == own
     session.undo()
     session.undo()
     assert session.style(1).transfer_function is None

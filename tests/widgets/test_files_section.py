@@ -21,7 +21,7 @@ from qtpy.QtWidgets import QApplication, QFileDialog, QMessageBox
 import napari_unpack as nu
 from napari_unpack import file_sizes, memory
 from napari_unpack.geometry.view import View
-from napari_unpack.io.headless import copy_session
+from napari_unpack.io.headless import packed_copy
 from napari_unpack.session.framing import contained, fitted
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.contributions import get_session_reader, open_dropped
@@ -233,7 +233,7 @@ def test_a_session_saved_in_another_window_shows_as_much(
 ) -> None:
     """Where all had been brought into view it is so again, and what was zoomed shows as much."""
     panel, tall = staged, (900, 300)
-    left = copy_session(panel.workspace.session)
+    left = packed_copy(panel.workspace.session)
     left.canvas_size = tall
     whole = fitted(left)
     near = replace(whole, height=whole.height / 2)

@@ -176,19 +176,12 @@ class Projection:
         return self.camera.pixels(pivot, size)
 
     def ray(self, pixel: ArrayLike, size: tuple[int, int]) -> tuple[Vector, Vector]:
-        """Return a pixel's ray through the object: a point of it, and its way from the eye.
+        """Return a pixel's ray through the object: `Camera.ray`, in mm of the scan.
 
         Parameters
         ----------
-        pixel : (2,) array_like
-            Row and column.
-        size : (int, int)
-            Height and width of the image, pixels.
-
-        Returns
-        -------
-        point, way : (3,) ndarray of float64
-            mm of the scan.
+        pixel, size
+            As for `Camera.ray`.
         """
         point, way = self.camera.ray(pixel, size)
         scan: Matrix = np.linalg.inv(self.pivot_from_scan).astype(np.float64)

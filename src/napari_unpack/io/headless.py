@@ -97,22 +97,16 @@ def frame_bag(session: Session, size: tuple[int, int]) -> Camera:
     return camera
 
 
-def copy_session(session: Session, packed: bool = True) -> Session:
-    """Return another session on the same bag, with nothing inspected.
+def packed_copy(session: Session) -> Session:
+    """Return another session on the same bag with everything packed and nothing inspected.
+
+    `Session.go_to` repeats there what is out step by step.
 
     Parameters
     ----------
     session : Session
         Its arrays are shared; view, colours, direction, hidden objects and rules are taken over.
-    packed : bool
-        With everything packed, where `Session.go_to` repeats what is out step by step; False
-        takes over what is unpacked and how it is turned as well.
     """
-    from napari_unpack.session.commands import inspect
-
-    if not packed:
-        return _taken_over(session, inspect(session.state, None))
-
     from napari_unpack.session import ObjectState
     from napari_unpack.session.commands import go_to
     from napari_unpack.session.state import SessionState, ViewState
@@ -163,12 +157,8 @@ def snapshot(session: Session) -> Session:
     session : Session
         Its arrays are shared.
     """
-    return _taken_over(session, session.state)
-
-
-def _taken_over(session: Session, state: SessionState) -> Session:
-    """Return a session's copy in another state, with its log and what was done in containers."""
-    other = _of_parts(session, session.label_data, state, session.view_state, session.rules)
+    now, view = session.state, session.view_state
+    other = _of_parts(session, session.label_data, now, view, session.rules)
     other.seconds, other.review.evidence = session.seconds, session.review.evidence
     other.log.extend(session.log)
     for object_id, bag in session.opened_bags.worked_in(session).items():

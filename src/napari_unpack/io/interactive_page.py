@@ -24,7 +24,7 @@ from napari_unpack.atomic import check_writable, checked_target, written_atomica
 from napari_unpack.geometry.axes import Matrix
 from napari_unpack.geometry.easing import ease
 from napari_unpack.geometry.view import Camera
-from napari_unpack.io.headless import copy_session, packed_count
+from napari_unpack.io.headless import packed_copy, packed_count
 from napari_unpack.io.images import straight_bytes
 from napari_unpack.io.simplified_surfaces import simplified
 from napari_unpack.io.surfaces import object_surface
@@ -129,7 +129,7 @@ def save_interactive_page(
     target = checked_target(path, ".html", ".htm")
     check_writable(target)
     share = Share(progress or no_progress)
-    shown = copy_session(session)
+    shown = packed_copy(session)
     shown.canvas_size = WINDOW
     if not packed_count(shown):
         raise ValueError("there is nothing to show: all objects are hidden")
@@ -156,7 +156,7 @@ def _unpack_all(shown: Session, share: Share) -> None:
 
 def _heights(shown: Session, camera: Camera) -> list[float]:
     """Return the camera's heights with 0, 1, 2... steps done: what is out is in view."""
-    packed = copy_session(shown)
+    packed = packed_copy(shown)
     packed.canvas_size = WINDOW
     heights = [fitted(packed).height]
     for group in shown.steps:

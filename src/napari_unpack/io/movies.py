@@ -22,7 +22,7 @@ from napari_unpack.geometry.axes import unit
 from napari_unpack.geometry.camera_glide import GLIDE_SECONDS, CameraGlide
 from napari_unpack.geometry.transforms import Pose, rotation_about
 from napari_unpack.geometry.view import GRAVITY_UP, STEEPEST, Camera
-from napari_unpack.io.headless import copy_session, decorated, packed_count
+from napari_unpack.io.headless import decorated, packed_copy, packed_count, snapshot
 from napari_unpack.io.images import straight_bytes
 from napari_unpack.memory import ENCODER_BYTES, PICTURE_BYTES, check_picture
 from napari_unpack.rendering.compose import scene_image
@@ -316,7 +316,8 @@ def movie(
     ending = Share(share.report, 0.9, 1.0, "Writing the movie")
     with movie_writer(target, even, fps, ending) as write:
         turntable = kind == "turntable"
-        shown = copy_session(session, packed=not turntable)
+        shown = snapshot(session) if turntable else packed_copy(session)
+        shown.leave()
         shown.decorations = around
         # Before the slots are asked for, which are planned for it.
         shown.canvas_size = even if window is None else window

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from napari_unpack.atomic import check_writable, checked_target, written_atomically
 from napari_unpack.geometry.length_unit import MICRO, MM, LengthUnit, VolumeUnit, density_text
 from napari_unpack.geometry.transforms import Pose
-from napari_unpack.io.headless import copy_session
+from napari_unpack.io.headless import snapshot
 from napari_unpack.io.images import straight_bytes
 from napari_unpack.io.table_page import PageColumn, PageParts, number_cell, table_page
 from napari_unpack.rendering.compose import scene_image, sprite_image
@@ -100,7 +100,8 @@ def save_objects_page(
     report = progress or no_progress
     report(0.0, "Drawing the bag")
     # A copy may be drawn on a worker thread while the user goes on.
-    shown = copy_session(session, packed=False)
+    shown = snapshot(session)
+    shown.leave()
     # Framing moves the objects beside the bag, so the scene is described after it.
     shown.canvas_size = BAG
     camera = fitted(shown)

@@ -168,7 +168,12 @@ class OcclusionResult:
                     held.remove(one)
                     graph.remove_edges_from(list(graph.in_edges(one)))
                     graph.add_edges_from((other, one) for other in blockers(one))
-            found = replace(found, blocking=BlockingGraph(graph), held=frozenset(held))
+            found = replace(
+                found,
+                unpackable=_blocked_by_none(graph),
+                blocking=BlockingGraph(graph),
+                held=frozenset(held),
+            )
             # What has moved may let others lead.
             unsure = found._held_leaders(packed)
         return found
@@ -197,6 +202,10 @@ class OcclusionResult:
     def least_occluded(self, packed: frozenset[int]) -> int:
         """Return the packed object with the least occlusion ratio, ties by ID."""
         return min(packed, key=lambda i: (self.first_hit.get(i, 0.0), i))
+
+
+def _blocked_by_none(graph: nx.DiGraph) -> frozenset[int]:
+    return frozenset(i for i, before in graph.in_degree() if not before)
 
 
 def _all_before(ids: Iterable[int], graph: nx.DiGraph, packed: frozenset[int]) -> Iterator[int]:
@@ -311,7 +320,7 @@ def find_occlusion(
         # Within the tolerance an object leaves although something blocks it.
         exempt = unpackable if key.tolerance > 0 else frozenset()
         blocking = BlockingGraph(blocking_graph(blocks, ids, exempt))
-        unpackable = frozenset(i for i, before in blocking.graph.in_degree() if not before)
+        unpackable = _blocked_by_none(blocking.graph)
     if blocking is not None:
         # Counts have no rows for them, and a graph of all that is packed is asked about them.
         blocking.graph.add_nodes_from(unseen)

@@ -200,12 +200,10 @@ class Flight:
         replaced by one that starts and ends at rest and rounds the corner outside the bag's
         box. Deviation: the first leg goes along D whatever D is (docs/paper.md, R12).
         """
-        passed = self.progress(time)
-        pose = self.pose_at(1.0 - passed if self.back else passed, camera)
+        pose = self.pose_at(self._share_of_way_out(time), camera)
         if self.before is None:
             return pose
-        left = self.start + self.seconds - self.sent
-        return self.before.pose(time, camera).toward(pose, ease((time - self.sent) / left))
+        return self.before.pose(time, camera).toward(pose, self._share_of_turn(time))
 
     def pose_at(self, fraction: float, camera: Camera) -> Pose:
         """Return the pose at a fraction.
@@ -247,19 +245,24 @@ class Flight:
 
         Parameters
         ----------
-        time : float
-            Seconds on the clock of `start`; clamped to the flight.
-        camera : Camera
-            The camera of now.
+        time, camera
+            As for `pose`.
         """
-        passed, first = self.progress(time), self.first_leg(camera)
-        out = 1.0 - passed if self.back else passed
+        first = self.first_leg(camera)
         # Among its neighbours it is seen as they are.
-        flatness = ease((out - first) / (1.0 - first))
+        flatness = ease((self._share_of_way_out(time) - first) / (1.0 - first))
         if self.before is None:
             return flatness
-        turned = ease((time - self.sent) / (self.start + self.seconds - self.sent))
+        turned = self._share_of_turn(time)
         return (1.0 - turned) * self.before.flatness(time, camera) + turned * flatness
+
+    def _share_of_way_out(self, time: float) -> float:
+        passed = self.progress(time)
+        return 1.0 - passed if self.back else passed
+
+    def _share_of_turn(self, time: float) -> float:
+        """Return how much of this flight, and not of the one before, is seen by now."""
+        return ease((time - self.sent) / (self.start + self.seconds - self.sent))
 
     def first_leg(self, camera: Camera) -> float:
         """Return the fraction of the way out at which it is clear of the bag's box."""

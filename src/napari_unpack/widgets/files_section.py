@@ -72,7 +72,7 @@ class Export:
     suffixes : tuple of str
         Of its files, the usual one first.
     write : callable
-        (session, path, options, progress) -> path; runs in a worker and changes no session.
+        (session, path, options, progress) -> path; runs in a worker, on a session of its own.
     there : callable, optional
         Tells whether a session has something to be written.
     """
@@ -89,17 +89,16 @@ class Export:
 
 def _picture(session: Session, path: Path, options: ExportOptions, progress: Progress) -> Path:
     from napari_unpack.io import save_png
-    from napari_unpack.io.headless import copy_session
     from napari_unpack.rendering.compose import scene_image
     from napari_unpack.rendering.cpu import CANCELLING
     from napari_unpack.session.framing import contained
 
     drawing = Share(progress).part(0.0, 0.9, "Drawing the picture")
-    shown = copy_session(session, packed=False).scene()
+    session.leave()
     # All that the window shows, whatever the picture's shape.
     camera = contained(session.camera, session.canvas_size, options.size)
     with CANCELLING.by(drawing):
-        image = scene_image(shown, camera, options.size, backend="cpu")
+        image = scene_image(session.scene(), camera, options.size, backend="cpu")
     progress(0.9, "Writing the picture")
     return save_png(image, path)
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from napari_unpack.viewer.split_tool import SplitTool, Voxel
 
     Apply = Callable[[EditedLabels | None], bool]
+    Done = Callable[[EditedLabels | None], None]
     Refused = Callable[[Exception], None]
 
 SLOT = "repair"
@@ -147,47 +148,31 @@ class RepairTools(QObject):
             return
         with notifications.errors_shown():
             self._asked = task_of(session.label_editor)
-            self._start(session, self._asked, apply)
+            done = partial(_apply, apply or partial(_applied, session))
+            self._start(session, self._asked, done, notifications.show_error)
 
-    def _ask(
-        self,
-        task: Task[EditedLabels | None],
-        take: Callable[[EditedLabels | None], None],
-        refused: Refused,
-    ) -> bool:
+    def _ask(self, task: Task[EditedLabels | None], done: Done, refused: Refused) -> bool:
         # The stroke is compared again a moment later.
         if self._workspace.scheduler.has(SLOT) or self._workspace.session is None:
             return False
-
-        def taken(edit: EditedLabels | None) -> bool:
-            take(edit)
-            return True
-
-        self._start(self._workspace.session, task, taken, refused)
+        self._start(self._workspace.session, task, done, refused)
         return True
 
-    def _start(
-        self,
-        session: Session,
-        task: Task[Any],
-        apply: Apply | None = None,
-        refused: Refused = notifications.show_error,
-    ) -> None:
-        take = partial(self._take, session, task, apply or partial(_applied, session))
+    def _start(self, session: Session, task: Task[Any], done: Done, refused: Refused) -> None:
+        take = partial(self._take, session, task, done)
         fail = partial(self._fail, task, refused)
         self._workspace.scheduler.submit(task, Worker.LONG, take, failed=fail, slot=SLOT)
         self.busy.emit(True)
 
     def _take(
-        self, session: Session, task: Task[Any], apply: Apply, edit: EditedLabels | None
+        self, session: Session, task: Task[Any], done: Done, edit: EditedLabels | None
     ) -> None:
         self._end(task)
         # A repair of a session that is no longer shown would come as a surprise.
         if session is not self._workspace.session or task is self._called_off:
             return
         with notifications.errors_shown():
-            if not apply(edit):
-                notifications.warn("The labels changed meanwhile: repair once more.")
+            done(edit)
 
     def _fail(self, task: Task[Any], refused: Refused, error: Exception) -> None:
         self._end(task)
@@ -220,6 +205,11 @@ class RepairTools(QObject):
                 notifications.warn,
                 lambda: controller.slice_hues.painting,
             )
+
+
+def _apply(apply: Apply, edit: EditedLabels | None) -> None:
+    if not apply(edit):
+        notifications.warn("The labels changed meanwhile: repair once more.")
 
 
 def _applied(session: Session, edit: EditedLabels | None) -> bool:
