@@ -25,7 +25,7 @@ from scipy.ndimage import gaussian_filter
 from napari_unpack.segmentation import Oracle, segment
 from napari_unpack.segmentation.confidence.features import features
 from napari_unpack.segmentation.confidence.oracle import default_oracle, fit_features
-from napari_unpack.segmentation.evaluation import best_iou
+from napari_unpack.segmentation.evaluation import Overlaps
 from napari_unpack.segmentation.training import oracle_examples, true_objects
 from napari_unpack.simulation import simulate_bag
 
@@ -70,6 +70,14 @@ def coarser(bag: Any, seed: int) -> Solids:
     labels = np.ascontiguousarray(bag.labels[kept][middles])
     z, y, x = (float(s) * f for s, f in zip(bag.spacing, factors, strict=True))
     return Solids(volume, labels, (z, y, x))
+
+
+def best_iou(truth: NDArray[np.integer], found: NDArray[np.integer]) -> NDArray[np.float64]:
+    """Return the largest IoU of each found object with a true one, by ascending found label."""
+    overlaps = Overlaps.of(truth, found)
+    best, kept = np.zeros(len(overlaps.found_ids)), overlaps.of_objects
+    np.maximum.at(best, overlaps.columns[kept], overlaps.iou()[kept])
+    return best[1:]
 
 
 def found_examples(bag: Any) -> Examples:

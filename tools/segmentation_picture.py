@@ -39,7 +39,7 @@ def draw_segmentation(bag: Any, path: Path) -> None:
     found = oversegment(volume, bag.spacing, _silent)
     merged = merge_parts(found.parts, deepcopy(found.measured))
     pieces, measured = split_at_density_steps(volume, bag.spacing, found)
-    together = merge_pieces(pieces.copy(), measured, found.scale)
+    together = merge_pieces(pieces.copy(), measured)
     # The least affinity of a voxel with one beside it: dark where the network sees an end.
     near = binary_dilation(dense, iterations=2)
     affinity = np.where(near, found.prediction.next.min(axis=0), 0).astype(np.uint16)

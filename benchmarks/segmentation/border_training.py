@@ -43,7 +43,7 @@ def measured(scanned: Scan) -> State:
     """Return what tells about labels at voxels of a scan, and whether the voxels are theirs."""
     seen = scanned.seen()
     pieces, measured = split_at_density_steps(scanned.volume, scanned.spacing, seen)
-    rough = merge_pieces(pieces, measured, seen.scale)
+    rough = merge_pieces(pieces, measured)
     generator = np.random.default_rng(0)
     found = []
     # Borders as they come, which are often further off, and as the classifier will get them.

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import edt
@@ -28,9 +28,9 @@ from napari_unpack.segmentation.repair import (
     merge_objects,
     split_between,
 )
-from napari_unpack.segmentation.review.doubts import Answer, Doubt, Said, doubts
+from napari_unpack.segmentation.review.doubts import Doubt, Said, doubts
 from napari_unpack.segmentation.review.evidence import Evidence
-from napari_unpack.segmentation.review.rescoring import FEATURES, SPREAD, odds
+from napari_unpack.segmentation.review.rescoring import SPREAD, odds
 
 F1, VOI = 0.97, 0.10
 # Voxels from the other side that a close-up shows.
@@ -116,7 +116,7 @@ def reviewed(truth: NDArray[Any], labels: Labels, evidence: Evidence, learn: boo
     """
     found, answers, pieces = Reviewed([marks_of(truth, labels)]), [], evidence.pieces
     while found.needed is None and len(answers) < MOST:
-        left = doubts(evidence, labels, answers if learn else [_blind(a) for a in answers])
+        left = doubts(evidence, labels, answers, learn=learn)
         if not left:
             break
         doubt = left[0]
@@ -132,11 +132,6 @@ def reviewed(truth: NDArray[Any], labels: Labels, evidence: Evidence, learn: boo
         else:
             found.marks.append(found.marks[-1])
     return found
-
-
-def _blind(answer: Answer) -> Answer:
-    """Return an answer that settles its question and teaches nothing."""
-    return replace(answer, chance=1.0 if answer.said == "same" else 0.0, row=(0.0,) * len(FEATURES))
 
 
 def repaired(truth: NDArray[Any], labels: Labels, volume: NDArray[Any], spacing: Any) -> Reviewed:

@@ -112,10 +112,9 @@ def _simulate(
     bag = simulate_bag(
         seed=seed, shape=shape, count=count, spacing=spacing, progress=Ticker(), fidelity=fidelity
     )
-    z, y, x = (float(v) for v in bag.spacing)
     # Names go into the file, so that the viewer and `table` show what things are.
     names = {int(i): str(name) for i, name in bag.objects["name"].items()}
-    for path in save_scan(Scan(bag.volume, (z, y, x), bag.labels, "bag", names), output):
+    for path in save_scan(Scan(bag.volume, bag.spacing, bag.labels, "bag", names), output):
         typer.echo(f"wrote {path}")
     table = save_objects_csv(bag.objects, output.with_name(stem_of(output) + ".csv"))
     typer.echo(f"wrote {table}")

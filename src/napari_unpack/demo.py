@@ -120,21 +120,13 @@ def _flight(viewer: napari.Viewer, panel: UnpackingWidget, clock: SteppedClock) 
         yield canvas_image(viewer, controller)
 
 
-def await_unpackable(panel: UnpackingWidget, seconds: float = LONGEST_WAIT) -> None:
-    """Wait until the panel knows what is unpackable, so that its image is a finished one.
-
-    Parameters
-    ----------
-    panel : UnpackingWidget
-        With a session open.
-    seconds : float
-        At most so long.
-    """
+def await_unpackable(panel: UnpackingWidget) -> None:
+    """Wait until a panel knows what is unpackable, so that its image is a finished one."""
     from qtpy.QtWidgets import QApplication
 
     from napari_unpack.widgets.section import LAID_OUT_MS
 
-    end = time.monotonic() + seconds
+    end = time.monotonic() + LONGEST_WAIT
     while not panel.unpack.answered and time.monotonic() < end:
         QApplication.processEvents()
         time.sleep(0.01)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from napari_unpack.geometry.relabeling import compact_labels
+from napari_unpack.geometry.relabeling import compact_labels, numbered
 
 
 @pytest.mark.parametrize("dtype", [np.int64, np.uint64, np.int32, np.uint32])
@@ -41,3 +41,9 @@ def test_labels_of_either_byte_order_are_taken(dtype):
     compact, given = compact_labels(np.array([[[0, 70_000, 300, 70_000]]], dtype))
     assert compact.tolist() == [[[0, 2, 1, 2]]]
     assert given.tolist() == [0, 300, 70_000]
+
+
+def test_what_is_kept_is_numbered_without_gaps_and_all_else_is_0():
+    found = numbered(np.array([False, True, False, True, True]))
+    assert found.dtype == np.int32
+    assert found.tolist() == [0, 1, 0, 2, 3]

@@ -122,6 +122,15 @@ def test_unit_has_length_one() -> None:
 SHEARED = np.array([[1.1, 0.2, 0.1], [0.2, 0.9, -0.3], [0.1, -0.3, 1.2]])
 
 
+def test_points_behind_the_eye_or_just_before_it_have_no_place_in_the_image() -> None:
+    # Of height 2 at an angle of 90 degrees, so that the eye is 1 mm from the centre.
+    camera = Camera(np.eye(3), np.zeros(3), height=2.0, fov=90.0)
+    assert not camera.behind_eye([(0.97, 0, 0), (-50, 3, 4)])
+    assert camera.behind_eye([(0.99, 0, 0), (-50, 3, 4)])
+    assert camera.behind_eye((7, 0, 0))
+    assert not camera.orthographic().behind_eye([(1e9, 0, 0)])
+
+
 @pytest.mark.parametrize("stretch", [np.eye(3), -np.eye(3), SHEARED, -SHEARED])
 def test_a_stretched_bag_is_looked_at_along_the_direction_asked_for(stretch) -> None:
     camera = Camera.looking((1.0, 2.0, -0.5), (0.2, -1.0, 0.3), (4, 5, 6), 10.0, stretch=stretch)

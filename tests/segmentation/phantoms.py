@@ -59,7 +59,7 @@ def superquadric(rng, largest=24.0):
 def packed(seed, shape=(96, 112, 128), count=14, largest=24.0, press=0):
     """Drop superquadrics along +y until they touch; return labels and the density of each.
 
-    They are pressed that many voxels further and without_noise_and_haze where they meet.
+    They are pressed that many voxels further, and the later one gives way where they meet.
     """
     rng = np.random.default_rng(seed)
     labels = np.zeros(shape, np.int32)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from napari_unpack.segmentation.common.adjacency import find_neighbours
-from napari_unpack.segmentation.common.merging import absorb_fringes, absorb_small
+from napari_unpack.segmentation.common.merging import absorb_fringes, absorb_small, root, roots
 
 MM = (1.0, 1.0, 1.0)
 
@@ -68,3 +68,10 @@ def test_a_lace_of_voxels_joins_what_it_lies_on_and_a_sheet_does_not():
     assert (found[1] == 3).all()
     denser = np.array([0, 1000, 1600, 600])[labels]
     np.testing.assert_array_equal(absorb_fringes(labels, denser, (1.0, 1.0, 1.0)), labels)
+
+
+def test_who_owns_a_part_in_the_end_is_found_along_the_chain():
+    # 4 is of 3, that of 1, that of 0; 2 and 5 are their own.
+    owner = np.array([0, 0, 2, 1, 3, 5])
+    assert roots(owner).tolist() == [0, 0, 2, 0, 0, 5]
+    assert [root(owner, k) for k in range(6)] == [0, 0, 2, 0, 0, 5]

@@ -12,10 +12,9 @@ import pytest
 import zarr
 from phantoms import ball, box, scanned
 
-from napari_unpack.segmentation import segment
+from napari_unpack.segmentation import large_volumes, segment
 from napari_unpack.segmentation.common.array_source import blocks, source_of
 from napari_unpack.segmentation.common.remote_volumes import read_once
-from napari_unpack.segmentation.large_volumes import segment_large
 from napari_unpack.segmentation.working_grid import reduced, reduction
 
 MM = (1.0, 1.0, 1.0)
@@ -73,7 +72,7 @@ class Far(zarr.storage.WrapperStore):
 def test_a_volume_far_away_is_read_once_and_leaves_nothing_behind(tmp_path, monkeypatch, block):
     truth, densities = packed_shapes()
     volume = scanned(truth, densities)
-    monkeypatch.setitem(segment_large.__kwdefaults__, "block", block)
+    monkeypatch.setattr(large_volumes, "BLOCK", block)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     wanted = segment(volume, MM, working=60_000)
     store = Far(zarr.storage.MemoryStore())
@@ -181,26 +180,21 @@ def test_the_table_tells_what_the_labels_hold():
 
 
 def test_the_result_does_not_depend_on_the_size_of_blocks(monkeypatch):
-    import napari_unpack.segmentation.large_volumes as large
-
     truth, densities = packed_shapes()
     volume = scanned(truth, densities)
     whole = segment(volume, MM, working=20_000)
     for most in (500, 7_000):
-        monkeypatch.setattr(large, "BLOCK", most)
-        monkeypatch.setitem(large.segment_large.__kwdefaults__, "block", most)
+        monkeypatch.setattr(large_volumes, "BLOCK", most)
         pieces = segment(volume, MM, working=20_000)
         np.testing.assert_array_equal(pieces.labels, whole.labels)
         np.testing.assert_allclose(pieces.objects, whole.objects, rtol=1e-9)
 
 
 def test_a_stored_volume_is_never_read_whole_and_labels_go_where_they_should(monkeypatch, tmp_path):
-    import napari_unpack.segmentation.large_volumes as large
-
     truth, densities = packed_shapes()
     volume = scanned(truth, densities)
     most = 20_000
-    monkeypatch.setitem(large.segment_large.__kwdefaults__, "block", most)
+    monkeypatch.setattr(large_volumes, "BLOCK", most)
     # A block is read with two voxels around it.
     stored = Stored(volume, 2 * most)
     out = np.lib.format.open_memmap(tmp_path / "labels.npy", "w+", np.uint16, volume.shape)
@@ -275,11 +269,9 @@ def test_a_large_volume_of_nothing_is_refused(value):
 
 
 def test_cancelling_stops_the_threads_that_refine(monkeypatch):
-    import napari_unpack.segmentation.large_volumes as large
-
     truth, densities = packed_shapes()
     stored = Stored(scanned(truth, densities), 4_000)
-    monkeypatch.setitem(large.segment_large.__kwdefaults__, "block", 500)
+    monkeypatch.setattr(large_volumes, "BLOCK", 500)
     read = []
 
     def cancel(fraction, text):

@@ -93,12 +93,12 @@ def test_with_too_many_pieces_objects_stay_as_they_are(monkeypatch):
 
 def test_the_classifier_decides_which_pieces_are_one():
     objects, truth, density = three_in_a_row()
-    whole = merge_pieces(*measured(objects, density), SCALE, judge_of("one_host", 40.0, -20.0))
+    whole = merge_pieces(*measured(objects, density), judge_of("one_host", 40.0, -20.0))
     assert len(names_in(whole, objects == 1)) == 1
     assert names_in(whole, objects == 1).isdisjoint(names_in(whole, objects == 3))
-    parted = merge_pieces(*measured(objects, density), SCALE, judge_of("one_host", 0.0, -20.0))
+    parted = merge_pieces(*measured(objects, density), judge_of("one_host", 0.0, -20.0))
     assert len(names_in(parted, truth > 0)) == 3
-    others = merge_pieces(*measured(objects, density), SCALE, judge_of("density_gap", -40.0, 20.0))
+    others = merge_pieces(*measured(objects, density), judge_of("density_gap", -40.0, 20.0))
     assert others[12, 12, 28] == others[12, 12, 44] != others[12, 12, 12]
 
 
@@ -106,7 +106,7 @@ def test_pieces_of_two_objects_are_joined_more_reluctantly_than_those_of_one():
     objects, truth, density = three_in_a_row()
     between = (part_splitting.MERGE_WITHIN + part_splitting.MERGE_ACROSS) / 2
     unsure = judge_of("one_host", 0.0, float(np.log(between / (1 - between))))
-    joined = merge_pieces(*measured(objects, density), SCALE, unsure)
+    joined = merge_pieces(*measured(objects, density), unsure)
     assert len(names_in(joined, truth < 3) - {0}) == 1
     assert names_in(joined, truth == 3).isdisjoint(names_in(joined, (truth > 0) & (truth < 3)))
 
@@ -116,7 +116,7 @@ def test_a_small_piece_stays_with_its_host_unless_it_is_metal():
         truth = np.ones(SHAPE, np.int32)
         truth[box(SHAPE, (8, 8, 20), (12, 14, 36))] = 2
         pieces, parts = measured(np.ones(SHAPE, np.int32), scanned(truth, {1: 500.0, 2: value}))
-        parted = merge_pieces(pieces, parts, SCALE, judge_of("one_host", 0.0, -20.0))
+        parted = merge_pieces(pieces, parts, judge_of("one_host", 0.0, -20.0))
         assert (parted[10, 11, 28] != parted[2, 2, 2]) == stays
 
 
@@ -127,7 +127,7 @@ def test_a_piece_that_touches_nothing_is_not_lost():
     handle = box(SHAPE, (8, 8, 40), (16, 16, 50))
     objects[handle] = 1
     density = scanned((objects > 0).astype(np.int32), {1: 900.0})
-    labels = merge_pieces(*measured(objects, density), SCALE, judge_of("belonging", 0.0, 9.0))
+    labels = merge_pieces(*measured(objects, density), judge_of("belonging", 0.0, 9.0))
     assert len(names_in(labels, handle) - {0}) == 1
     assert (labels[handle] > 0).all()
 

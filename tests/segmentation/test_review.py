@@ -9,7 +9,7 @@ from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.segmentation.common.joins import JoinLog, Level, Seen, Steps
 from napari_unpack.segmentation.repair import edit_of_answer
-from napari_unpack.segmentation.review.doubts import Answer, Doubt, doubts
+from napari_unpack.segmentation.review.doubts import Answer, Doubt, Said, doubts
 from napari_unpack.segmentation.review.evidence import Evidence, gather
 from napari_unpack.segmentation.review.rescoring import FEATURES, Rescoring
 
@@ -96,6 +96,38 @@ def test_labels_that_somebody_else_changed_are_reviewed_as_they_are() -> None:
     assert ("border", (2, 3)) not in kinds
     assert ("border", (1, 5)) in kinds
     assert doubts(found, np.zeros_like(labels)) == []
+
+
+def many_bars() -> tuple[Evidence, np.ndarray]:
+    """Return twelve bars in a row, each an object, that may be one with their neighbours."""
+    pieces = np.tile(np.repeat(np.arange(1, 13, dtype=np.int32), 3), (4, 4, 1))
+    sums = np.zeros((13, 5))
+    sums[1:] = 48.0, 48.0, 48.0, 48.0, 40.0
+    pairs = np.column_stack([np.arange(1, 12), np.arange(2, 13)])
+    contact = np.tile([16.0, 1.0, 0.0], (11, 1))
+    chance = np.linspace(0.3, 0.7, 11)
+    return Evidence.of(pieces, sums, pairs, contact, chance, np.zeros(11, np.bool_)), pieces
+
+
+def totals(said: Said) -> list[int]:
+    """Return how many questions there are all told, before each answer to those bars."""
+    (found, labels), answers, told = many_bars(), [], []
+    while left := doubts(found, labels, answers):
+        told.append(len(answers) + len(left))
+        answers.append(left[0].answered(said))
+    return told
+
+
+def test_skipping_a_question_brings_up_no_other() -> None:
+    told = totals("skip")
+    assert told == [len(told)] * len(told)
+    assert 1 < len(told) < 11
+
+
+def test_answers_that_confirm_the_labels_leave_fewer_questions() -> None:
+    told = totals("different")
+    assert told == sorted(told, reverse=True)
+    assert len(told) < len(totals("skip"))
 
 
 def test_what_is_hardly_matter_is_asked_about_as_an_object() -> None:

@@ -137,7 +137,7 @@ def draw_edges(
     half = max(LINE * min(size) / 720, 0.8) / 2
     for ends in edges:
         # An end behind the eye projects to the other side of the image.
-        if (ends[:, 0] >= 0.98 * camera.distance).any():
+        if camera.behind_eye(ends):
             continue
         (r0, c0), (r1, c1) = camera.pixels(ends, size)
         t0, t1 = -ends[:, 0]

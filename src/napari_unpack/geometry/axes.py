@@ -5,6 +5,8 @@ x, y, z exists only towards vispy and file formats, and `flip` converts it there
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -96,7 +98,7 @@ def transform_points(matrix: Matrix, points: ArrayLike) -> NDArray[np.float64]:
     return q / w[..., None]
 
 
-def triple(vector: NDArray[np.float64]) -> tuple[float, float, float]:
+def triple(vector: Iterable[float]) -> tuple[float, float, float]:
     """Return three numbers as they stand in states: a tuple, which can be compared."""
     z, y, x = (float(v) for v in vector)
     return z, y, x

@@ -56,6 +56,12 @@ class Rays:
         weights = np.array([1.0, row, col])
         return weights @ self.table[:3] + t * (weights @ self.table[3:])
 
+    def corner_ways(self) -> NDArray[np.float64]:
+        """Return the directions of the rays of the four corners, (4, 3), voxels per mm of t."""
+        rows, cols = self.size[0] - 1, self.size[1] - 1
+        corners = np.array([(1, r, c) for r in (0, rows) for c in (0, cols)], np.float64)
+        return corners @ self.table[3:]
+
     def window(self, row: int, col: int, size: tuple[int, int]) -> Rays:
         """Return the rays of a sub-rectangle.
 

@@ -52,6 +52,11 @@ def compact_labels(labels: NDArray[np.integer]) -> tuple[NDArray[np.uint16], NDA
     return compact, np.concatenate([np.zeros(1, np.int64), keys[order]])
 
 
+def numbered(kept: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Return by label, (M,), the numbers 1, 2, ... of those that are kept, 0 of all others."""
+    return np.where(kept, np.cumsum(kept), 0).astype(np.int32)
+
+
 @njit(cache=True, nogil=True, inline="always")
 def _slot(keys, label):  # type: ignore[no-untyped-def]
     """Return where a label stands or may be put: linear probing after Fibonacci hashing."""

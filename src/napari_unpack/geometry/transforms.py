@@ -170,8 +170,7 @@ class Projection:
             Height and width of the image, pixels.
         """
         pivot = transform_points(self.pivot_from_scan, points)
-        # Just before the eye pixels are millions apart.
-        if (pivot[..., 0] >= 0.98 * self.camera.distance).any():
+        if self.camera.behind_eye(pivot):
             return None
         return self.camera.pixels(pivot, size)
 

@@ -22,6 +22,9 @@ FROM_ABOVE: tuple[float, float, float] = (0.5, 0.75, 0.3)
 # Of the eye's distance: what is nearer to the eye is not seen.
 NEAREST = 1e-6
 
+# Of the eye's distance: points from here on have no place in the image.
+BEFORE_EYE = 0.98
+
 # Beyond this cosine between looking and gravity, up in the image is -z unless asked otherwise.
 STEEPEST = 0.97
 
@@ -267,6 +270,14 @@ class Camera:
         scale = size[0] / self.height / (1.0 - p[..., 0] / self.distance)
         middle = (np.asarray(size, dtype=np.float64) - 1) / 2
         return middle + p[..., 1:] * scale[..., None]
+
+    def behind_eye(self, pivot_points: ArrayLike) -> bool:
+        """Return whether one of (..., 3) pivot-space points is behind the eye, or just before it.
+
+        Behind it a point has no place in the image; just before it pixels are millions apart.
+        """
+        towards = np.asarray(pivot_points, dtype=np.float64)[..., 0]
+        return bool((towards >= BEFORE_EYE * self.distance).any())
 
     def ray(self, pixel: ArrayLike, size: tuple[int, int]) -> tuple[Vector, Vector]:
         """Return a pixel's ray in pivot space: its point of the pivot plane, its way from the eye.

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from napari_unpack.geometry.axes import triple
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.io.scan import Scan
 from napari_unpack.tasks import Progress
@@ -51,9 +52,8 @@ def open_scan(
     from napari_unpack.session import Session
     from napari_unpack.unpacking.direction import checked_direction
 
-    z, y, x = (float(v) for v in view)
     # Before the long work: what cannot be is told at once.
-    looking, leaving = View((z, y, x)), checked_direction(direction)
+    looking, leaving = View(triple(view)), checked_direction(direction)
     labels, objects, evidence = scan.labels, named_objects(scan.names), None
     if labels is None:
         found = segment(scan.volume, scan.spacing, progress=progress, **settings)
@@ -107,13 +107,13 @@ def packed_copy(session: Session) -> Session:
     session : Session
         Its arrays are shared; view, colours, direction, hidden objects and rules are taken over.
     """
-    from napari_unpack.session import ObjectState
     from napari_unpack.session.commands import go_to
+    from napari_unpack.session.object_state import ObjectState, ids_in
     from napari_unpack.session.state import SessionState, ViewState
 
     now, view = session.state, session.view_state
     # What was hidden stays out of the movie; the rest goes back into the bag.
-    hidden = frozenset(i for i, s in session.states.items() if s is ObjectState.HIDDEN)
+    hidden = frozenset(ids_in(session.states, ObjectState.HIDDEN))
     steps = (
         {i: p.without(hidden) for i, p in gone.items() if i not in hidden}
         for gone in go_to(now, 0).undone

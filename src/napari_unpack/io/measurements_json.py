@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from napari_unpack.geometry.axes import triple
 from napari_unpack.io.json_fields import Fields
 from napari_unpack.session.measurements import Measurement, SurfacePoint
 
@@ -36,7 +37,7 @@ def measurements_from(fields: Fields, known: frozenset[int]) -> tuple[Measuremen
 
 
 def _point(fields: Fields, known: frozenset[int]) -> SurfacePoint:
-    z, y, x = (float(v) for v in fields.array("at", (3,)))
+    at = triple(fields.array("at", (3,)))
     # Repairs undone since may have been saved with points of what is no object any more.
     object_id = fields.integer("object")
-    return SurfacePoint(object_id if object_id in known else 0, (z, y, x))
+    return SurfacePoint(object_id if object_id in known else 0, at)

@@ -88,6 +88,8 @@ def checked_place(matrix: ArrayLike | None, source: object) -> axes.Matrix | Non
 def checked_volume_array(array: NDArray[Any], source: object) -> NDArray[Any]:
     """Return an array that is a volume, without axes of length 1 in front or behind.
 
+    A mask is one of 0 and 1.
+
     Parameters
     ----------
     array : ndarray
@@ -114,6 +116,8 @@ def checked_volume_array(array: NDArray[Any], source: object) -> NDArray[Any]:
     # Complex numbers, text and objects have no density.
     if array.dtype.kind not in "biuf":
         raise ValueError(f"{source} must hold real numbers, got {array.dtype}")
+    if array.dtype.kind == "b":
+        return array.view(np.uint8)
     # numba compiles for the machine's byte order alone.
     return array.astype(array.dtype.newbyteorder("="), copy=False)
 
@@ -138,9 +142,6 @@ def checked_label_array(array: NDArray[Any], source: object) -> NDArray[Any]:
         if not np.array_equal(whole, array):
             raise ValueError(f"{source} must hold object IDs (whole numbers), got {array.dtype}")
         array = whole
-    if array.dtype.kind == "b":
-        # A mask is one object.
-        array = array.astype(np.uint8)
     if array.min() < 0:
         raise ValueError(f"{source} must not hold negative IDs, got {array.min()}")
     return array
@@ -160,5 +161,4 @@ def checked_spacing(spacing: ArrayLike, source: object) -> Spacing:
     ValueError
         If it is not three positive finite numbers.
     """
-    z, y, x = (float(mm) for mm in axes.checked_spacing(spacing, f"the voxel size in {source}"))
-    return z, y, x
+    return axes.triple(axes.checked_spacing(spacing, f"the voxel size in {source}"))

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.geometry.axes import triple
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera
 from napari_unpack.rendering.gl.depth_quads import ImageTexture, PivotPlace, Quad
@@ -288,8 +289,7 @@ class Sprite:
     @property
     def place(self) -> PivotPlace:
         """The rectangle of its image, without a silhouette's margin."""
-        z, y, x = (float(v) for v in self.pose.center)
-        return sprite_place(self.patch, (z, y, x), self.mm)
+        return sprite_place(self.patch, triple(self.pose.center), self.mm)
 
     def is_at(self, pose: Pose) -> bool:
         """Tell whether it is drawn at a place, and as large as it is to be there."""

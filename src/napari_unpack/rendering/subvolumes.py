@@ -28,7 +28,7 @@ Density = NDArray[np.uint16] | NDArray[np.float32]
 
 # Voxels around an object's box: two of fringe, one for interpolation, one for the gradient.
 MARGIN = 4
-# Subvolumes and images kept for one session.
+# Subvolumes and images kept for one session besides the whole volume.
 MEGABYTES = 512
 
 
@@ -99,8 +99,6 @@ class SubvolumeCache:
     boxes : LabelBoxes
         Of the objects, voxels.
     spacing : (3,) ndarray of float64, mm z y x
-    megabytes : int
-        What may be kept besides the whole volume.
     """
 
     def __init__(
@@ -109,12 +107,10 @@ class SubvolumeCache:
         labels: NDArray[np.uint16],
         boxes: LabelBoxes,
         spacing: NDArray[np.float64],
-        megabytes: int = MEGABYTES,
     ) -> None:
         self.volume, self.labels = volume, labels
         self._spacing = np.asarray(spacing, dtype=np.float64)
         self._boxes = boxes
-        self._limit = megabytes * 2**20
         self._kept: OrderedDict[Hashable, Any] = OrderedDict()
         self._bytes = 0
         self._lock, self._whole_lock = Lock(), Lock()
@@ -204,7 +200,7 @@ class SubvolumeCache:
                 self._kept[key] = made
                 self._bytes += made.nbytes
             # The one just made stays, however large: it is about to be used.
-            while self._bytes > self._limit and len(self._kept) > 1:
+            while self._bytes > MEGABYTES * 2**20 and len(self._kept) > 1:
                 _, dropped = self._kept.popitem(last=False)
                 self._bytes -= dropped.nbytes
         return made

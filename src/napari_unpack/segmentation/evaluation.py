@@ -150,17 +150,6 @@ class Overlaps:
         return np.asarray(self.voxels / union)
 
 
-def best_iou(truth: NDArray[np.integer], found: NDArray[np.integer]) -> NDArray[np.float64]:
-    """Return the largest IoU of each found object with a true one, by ascending found label.
-
-    Parameters
-    ----------
-    truth, found : (Z, Y, X) ndarray of int
-    """
-    overlaps = Overlaps.of(truth, found)
-    return _largest(overlaps, overlaps.columns, len(overlaps.found_ids))[1:]
-
-
 def _numbered(labels: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.integer]]:
     """Return the labels that occur, 0 first in any case, and every voxel's position among them."""
     flat = labels.reshape(-1)
@@ -179,16 +168,11 @@ def _sums(keys: NDArray[np.int64], values: NDArray[np.int64], count: int) -> NDA
     return np.bincount(keys, values, count).astype(np.int64)
 
 
-def _largest(overlaps: Overlaps, keys: NDArray[np.int64], count: int) -> NDArray[np.float64]:
-    """Return the largest IoU of two objects for each key, 0 where there is none."""
-    best, kept = np.zeros(count), overlaps.of_objects
-    np.maximum.at(best, keys[kept], overlaps.iou()[kept])
-    return best
-
-
 def _objects(overlaps: Overlaps) -> dict[str, float]:
     true, found = len(overlaps.true_ids) - 1, len(overlaps.found_ids) - 1
-    best = _largest(overlaps, overlaps.rows, true + 1)[1:]
+    best, kept = np.zeros(true + 1), overlaps.of_objects
+    np.maximum.at(best, overlaps.rows[kept], overlaps.iou()[kept])
+    best = best[1:]
     matched = best[best > 0.5]
     hits = {t: int((best > t).sum()) for t in np.arange(50, 100, 5) / 100}
     f1 = {t: 2 * n / (true + found) for t, n in hits.items()}

@@ -159,7 +159,6 @@ def refined(
         grid.density,
         np.array(grid.factors),
         np.array([s.start for s in cells]) - np.array(grid.start),
-        np.int32(grid.left_out),
         np.float32((levels.low - levels.air) / grid.unit),
         np.float32((levels.high - levels.air) / grid.unit),
         # The mean of a voxel, counted twice, and its six neighbours keeps 0.4 of white noise.
@@ -192,8 +191,8 @@ def _lift(density, air, scale, result):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath={"contract", "arcp", "nsz"})
 def _choose(  # type: ignore[no-untyped-def]
-    values, place, first, coarse, density, factors, cells, left_out, low, high, noise, tolerance,
-    layers, labels, unexplained,
+    values, place, first, coarse, density, factors, cells, low, high, noise, tolerance, layers,
+    labels, unexplained,
 ):  # fmt: skip
     """Choose the labels in some layers of cells; see `refined` for what the arguments are."""
     fz, fy, fx = factors[0], factors[1], factors[2]

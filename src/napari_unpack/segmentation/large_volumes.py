@@ -56,7 +56,6 @@ def segment_large(
     grainy: bool | None = None,
     oracle: Oracle | None = None,
     out: Any = None,
-    block: int = BLOCK,
     runner: BlockRunner | None = None,
 ) -> tuple[Any, pd.DataFrame]:
     """Find the objects of a volume that is never in memory as a whole.
@@ -81,8 +80,6 @@ def segment_large(
         Confidence of the objects, as they are on the grid.
     out : array, optional
         Where labels are written; by default a new ndarray.
-    block : int
-        Voxels worked on at once by each thread. The result does not depend on it.
     runner : BlockRunner, optional
         What works on blocks, by default threads. The result does not depend on it.
 
@@ -110,7 +107,7 @@ def segment_large(
     if count > WORKING_VOXELS:
         remedy = "pass a smaller working"
         check_memory(f"finding objects in {count:,} cells", GRID_BYTES * count, remedy)
-    grid = reduced(source, spacing, factors, block, begun, runner)
+    grid = reduced(source, spacing, factors, BLOCK, begun, runner)
     levels = foreground_levels(grid.sample, foreground)
     labels = find(grid.density, grid.spacing, share.part(0.03, 0.6, "Looking at the volume"))
     refining = share.part(0.6, 0.9, "Refining the borders")
@@ -122,7 +119,7 @@ def segment_large(
         out = np.zeros(source.shape, np.int32)
     # Before the long work, and again when thin things have added labels.
     _check_room(out, int(labels.max()))
-    places = list(blocks(source.shape, grid.factors, block))
+    places = list(blocks(source.shape, grid.factors, BLOCK))
     unexplained = np.zeros(labels.shape, np.int32)
     # A generator: only the blocks in work are in memory.
     jobs = (
@@ -159,7 +156,6 @@ def measured_objects(
     ids: NDArray[np.integer[Any]],
     spacing: Spacing,
     progress: Progress,
-    block: int = BLOCK,
 ) -> pd.DataFrame:
     """Measure objects whose labels are never in memory as a whole.
 
@@ -174,8 +170,6 @@ def measured_objects(
     spacing : (float, float, float) of mm, z y x
     progress : callable
         Raising in it cancels.
-    block : int
-        Voxels in work at once.
 
     Returns
     -------
@@ -183,7 +177,7 @@ def measured_objects(
         Indexed by id: voxels, volume_mm3, mean_density, z, y, x (centroid, mm) and
         isoperimetric_ratio, as in `pipeline.Segmentation`. Objects without a voxel are left out.
     """
-    places, named = list(blocks(source.shape, (1, 1, 1), block)), _Renamed(labels, ids)
+    places, named = list(blocks(source.shape, (1, 1, 1), BLOCK)), _Renamed(labels, ids)
     share, runner = Share(progress), ThreadRunner()
     sums = _measured(source, named, places, len(ids), spacing, share, runner)
     table = sums.table(spacing)

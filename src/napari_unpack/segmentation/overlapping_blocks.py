@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from napari_unpack.geometry.relabeling import numbered
 from napari_unpack.segmentation.common.array_source import Box, Source, source_of, within
 from napari_unpack.segmentation.common.block_jobs import BlockJob, BlockRunner, SerialRunner
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS
@@ -225,5 +226,4 @@ def _without_crumbs(labels: NDArray[np.int32]) -> NDArray[np.int32]:
     counts = np.bincount(labels.reshape(-1))
     kept = counts >= MIN_OBJECT_VOXELS
     kept[0] = False
-    names = np.where(kept, np.cumsum(kept), 0).astype(np.int32)
-    return names[labels]
+    return numbered(kept)[labels]

@@ -19,6 +19,9 @@ from napari_unpack.segmentation.confidence.features import features
 from napari_unpack.segmentation.confidence.oracle import Oracle, fit_features
 from napari_unpack.tasks import SILENT, Progress, Share, relayed
 
+# Share of the surface of the lesser over which two objects touch where their union is an example.
+TOUCHING = 0.02
+
 
 def true_objects(
     density: NDArray[np.generic], labels: NDArray[np.integer], spacing: Spacing, smallest: int = 64
@@ -41,7 +44,7 @@ def true_objects(
 
 
 def merged_pairs(
-    density: NDArray[np.generic], labels: NDArray[np.integer], spacing: Spacing, least: float = 0.02
+    density: NDArray[np.generic], labels: NDArray[np.integer], spacing: Spacing
 ) -> Iterator[Region]:
     """Yield the union of every two objects that touch over a share of the smaller's surface.
 
@@ -49,8 +52,6 @@ def merged_pairs(
     ----------
     density, labels, spacing
         As for `true_objects`.
-    least : float
-        Share of the surface of the one with less.
     """
     names = label_boxes(labels).ids
     compact = np.searchsorted(names, labels).astype(np.int32) + 1
@@ -59,7 +60,7 @@ def merged_pairs(
         return
     area = touching_area_matrix(compact, spacing)
     surface = area.sum(axis=1)
-    touching = area > least * np.minimum.outer(surface, surface)
+    touching = area > TOUCHING * np.minimum.outer(surface, surface)
     air = air_offset(density, labels)
     for one, two in np.argwhere(np.triu(touching[1:, 1:], 1)) + 1:
         both = (compact == one) | (compact == two)
@@ -133,7 +134,6 @@ def train_on_examples(
     labels: NDArray[np.integer],
     spacing: Sequence[float],
     examples: Iterable[int],
-    seed: int = 0,
     progress: Progress | None = None,
 ) -> Oracle:
     """Learn a confidence from the objects of one volume that a person marked as examples.
@@ -146,7 +146,7 @@ def train_on_examples(
     spacing : (3,) sequence of float, mm z y x
     examples : iterable of int
         Labels of those that are exactly one object each; at least eight.
-    seed, progress
+    progress
         As for `train`.
 
     Raises
@@ -160,7 +160,8 @@ def train_on_examples(
             f"an oracle needs at least 8 examples to be trained on, {len(wanted)} are marked"
         )
     kept = np.where(np.isin(labels, wanted), labels, 0)
-    return train([_Examples(np.asarray(volume), kept, checked_spacing(spacing))], seed, progress)
+    bag = _Examples(np.asarray(volume), kept, checked_spacing(spacing))
+    return train([bag], progress=progress)
 
 
 def oracle_examples(

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.appearance import golden_hue
+from napari_unpack.geometry.axes import triple
 from napari_unpack.segmentation.repair import (
     LabelEdit,
     delete_objects,
@@ -292,7 +293,7 @@ class LabelEditor:
         from napari_unpack.segmentation.confidence.oracle import default_oracle
 
         oracle = self.oracle or default_oracle()
-        z, y, x = (float(v) for v in self._session.spacing)
+        spacing = triple(self._session.spacing)
         volume, labels = self._session.volume, self._session.label_data.labels
         # Once asked, by the worker: it looks through the whole volume.
         air = cache(lambda: air_offset(volume, labels))
@@ -300,7 +301,7 @@ class LabelEditor:
         def confidence(
             mask: NDArray[np.bool_], density: NDArray[Any], first: tuple[int, int, int]
         ) -> float:
-            return float(oracle(Region(mask, density, first, (z, y, x), air=air())))
+            return float(oracle(Region(mask, density, first, spacing, air=air())))
 
         return confidence
 
@@ -349,11 +350,14 @@ def _own_ids(
 ) -> tuple[NDArray[np.integer[Any]], GivenIds]:
     """Return painted labels with a session's IDs, and the IDs people know them by then."""
     least, top = int(painted.min(initial=0)), int(painted.max(initial=0))
-    if least < 0 or (given_ids is None and top > MOST_ID):
-        wanted = "0 or more" if given_ids is not None else f"from 0 to {MOST_ID}"
-        raise ValueError(f"painted labels must be {wanted}, got {least if least < 0 else top}")
+    most = MOST_ID if given_ids is None else np.iinfo(np.int64).max
+    if least < 0 or top > most:
+        wrong = least if least < 0 else top
+        raise ValueError(f"painted labels must be from 0 to {most}, got {wrong}")
     if given_ids is None:
         return painted, None
+    # Of uint64 and int64 numpy makes floats, which merge large IDs.
+    painted = painted.astype(np.int64, copy=False)
     order = np.argsort(given_ids[1:]) + 1
     given = given_ids[order]
     fresh = np.setdiff1d(painted, np.append(given, 0))

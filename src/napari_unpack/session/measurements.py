@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.geometry.axes import triple
 from napari_unpack.geometry.length_unit import MM, LengthUnit
 from napari_unpack.session.quantities import angle_words, length_words
 
@@ -34,8 +35,7 @@ class SurfacePoint:
     def __post_init__(self) -> None:
         """Keep plain numbers, whatever array they were taken from."""
         object.__setattr__(self, "object_id", int(self.object_id))
-        z, y, x = (float(v) for v in self.at)
-        object.__setattr__(self, "at", (z, y, x))
+        object.__setattr__(self, "at", triple(self.at))
 
 
 @dataclass(frozen=True)

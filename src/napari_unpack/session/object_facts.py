@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.geometry.axes import triple
+
 if TYPE_CHECKING:
     from napari_unpack.session.session import Session
 
@@ -95,9 +97,9 @@ def reasons_of(session: Session, object_id: int) -> tuple[str, ...]:
         return ()
     bag = session.bag
     box = bag.boxes.slices(object_id)
-    z, y, x = (float(v) for v in session.spacing)
+    mask, spacing = bag.labels[box] == object_id, triple(session.spacing)
     air = air_offset(session.volume, bag.labels)
-    region = Region.of(bag.labels[box] == object_id, session.volume, box, (z, y, x), air)
+    region = Region.of(mask, session.volume, box, spacing, air)
     return reasons(oracle, features(region))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import Enum
 
 
@@ -24,3 +25,15 @@ class ObjectState(Enum):
     def is_flying(self) -> bool:
         """Whether the object is on its way out or back."""
         return self in (ObjectState.FLYING_OUT, ObjectState.FLYING_BACK)
+
+
+def ids_in(states: Mapping[int, ObjectState], *wanted: ObjectState) -> list[int]:
+    """Return the IDs of the objects that are in one of some states.
+
+    Parameters
+    ----------
+    states : mapping of int to ObjectState
+        Of each object by ID; that of a session is `session.states`.
+    *wanted : ObjectState
+    """
+    return [i for i, state in states.items() if state in wanted]

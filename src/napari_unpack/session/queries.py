@@ -5,7 +5,7 @@ What takes longer than a moment has a task, for any thread, whose result `store`
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from napari_unpack.geometry.axes import Vector
+from napari_unpack.geometry.axes import Vector, triple
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.session import colors
 from napari_unpack.session.cache import ResultCache
@@ -38,7 +38,7 @@ from napari_unpack.session.errors import (
     listed_objects,
 )
 from napari_unpack.session.labels import Edit, LabelData
-from napari_unpack.session.object_state import ObjectState
+from napari_unpack.session.object_state import ObjectState, ids_in
 from napari_unpack.session.occlusion import (
     NextUnpackable,
     NextUnpackableKey,
@@ -50,7 +50,7 @@ from napari_unpack.session.occlusion import (
     view_along,
 )
 from napari_unpack.session.query_keys import BagUpKey, LabelsKey, SlotsKey, StatesKey
-from napari_unpack.session.state import Group, SessionState
+from napari_unpack.session.state import Group, Placement, SessionState
 from napari_unpack.session.validation import checked_ids
 from napari_unpack.tasks import Progress, Task, no_progress
 from napari_unpack.unpacking import Queue, Slots, arrange, bag_up, oriented_box, room_for
@@ -214,10 +214,10 @@ class Queries:
     ) -> OcclusionKey:
         session = self._session
         # Plain numbers: an array cannot be part of a key.
-        z, y, x = (float(v) for v in (self.direction if direction is None else direction))
+        leaving = triple(self.direction if direction is None else direction)
         packed = self.packed if packed is None else packed
         rules, revision = session.rules, session.label_data.revision
-        return OcclusionKey(revision, (z, y, x), rules.rule, rules.tolerance, packed)
+        return OcclusionKey(revision, leaving, rules.rule, rules.tolerance, packed)
 
     def _occlusion_inputs(self) -> OcclusionInputs:
         session = self._session
@@ -492,11 +492,11 @@ class Queries:
     def bag_up(self) -> Vector:
         """Return up of the bag as it lies on its largest face, unit vector in world."""
         session = self._session
-        z, y, x = (float(v) for v in session.view_state.up)
-        key = BagUpKey(session.label_data.revision, (z, y, x))
+        up = triple(session.view_state.up)
+        key = BagUpKey(session.label_data.revision, up)
         known = self._cache.find(key)
         if known is None:
-            known = bag_up(oriented_box(session.bag.outer_points(), session.spacing), (z, y, x))
+            known = bag_up(oriented_box(session.bag.outer_points(), session.spacing), up)
             self._cache.keep(key, known)
         return known  # type: ignore[no-any-return]
 
@@ -576,8 +576,7 @@ class Queries:
         inputs = self._occlusion_inputs()
 
         def looked(direction: Vector) -> tuple[OcclusionKey, OcclusionResult]:
-            z, y, x = (float(v) for v in direction)
-            wanted = replace(key.near, direction=(z, y, x))
+            wanted = replace(key.near, direction=triple(direction))
             before = self._known_occlusion(wanted, finer=True)
             found = inputs.task(wanted, before, (object_id,)).run(no_progress)
             return replace(wanted, packed=found.packed), found
@@ -627,7 +626,7 @@ class Queries:
         session = self._session
         view, data = session.view_state, session.label_data
         # What flies has left the bag's picture, and keeps its hue.
-        shown = frozenset(i for i, s in self.states().items() if s is ObjectState.PACKED)
+        shown = frozenset(ids_in(self.states(), ObjectState.PACKED))
         visibility = VisibilityKey(
             data.revision, view.camera, view.canvas_size, shown, view.clipping.tobytes()
         )
@@ -655,19 +654,20 @@ class Queries:
             self._cache.keep(key, known)
         return known
 
-    def slots(self, out: int = 0) -> Slots:
+    def slots(self, placements: Mapping[int, Placement] | None = None) -> Slots:
         """Return where unpacked objects wait: more slots, in steps, as more of them are out.
 
         Parameters
         ----------
-        out : int
-            For how many to plan at least.
+        placements : mapping of int to Placement, optional
+            Of what is out; by default as it is now.
         """
         session, view = self._session, self._session.view_state
         radius = session.bag.radius_in(view.camera.stretch)
-        taken = 1 + max((one.slot for one in session.state.placements.values()), default=-1)
+        out = session.state.placements if placements is None else placements
+        taken = 1 + max((one.slot for one in out.values()), default=-1)
         # Of all labels so far: slots stay where they are when two objects are merged.
-        count = room_for(max(taken, out), session.label_data.most_objects)
+        count = room_for(taken, session.label_data.most_objects)
         key = SlotsKey(count, radius, view.canvas_size, view.camera.fov)
         known = self._cache.find(key)
         if known is None:

@@ -9,7 +9,7 @@ from napari_unpack.rendering.rulers import Ruler
 from napari_unpack.rendering.scene import Scene
 from napari_unpack.rendering.subvolumes import RenderCache
 from napari_unpack.session.labels import LabelData
-from napari_unpack.session.object_state import ObjectState
+from napari_unpack.session.object_state import ObjectState, ids_in
 from napari_unpack.session.state import SessionState
 
 if TYPE_CHECKING:
@@ -42,8 +42,8 @@ class SceneDescription:
             label_data=data,
             spacing=session.spacing,
             transfer_function=state.transfer_function,
-            packed=frozenset(i for i, s in states.items() if s is ObjectState.PACKED),
-            inspected=tuple(i for i, s in states.items() if s is ObjectState.INSPECTED),
+            packed=frozenset(ids_in(states, ObjectState.PACKED)),
+            inspected=tuple(ids_in(states, ObjectState.INSPECTED)),
             flights=dict(session.flights),
             poses=session.poses,
             hues=state.hues,

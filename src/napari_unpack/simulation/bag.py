@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from napari_unpack.geometry.axes import triple
 from napari_unpack.simulation.packing import Packing, Record
 from napari_unpack.simulation.planning import plan, trifle
 from napari_unpack.simulation.projection import ProjectionScanner
@@ -114,13 +115,13 @@ def simulate_bag(
     # Densities are added up, and the room kept things out of the fabric.
     report(0.8, "Scanning the bag")
     shell.paint(packing.density)
-    z, y, x = (float(s) for s in mm)
     chosen = scanner or (ProjectionScanner() if fidelity == "projection" else Scanner())
-    volume = chosen.scan(packing.density, rng, (z, y, x))
+    voxel = triple(mm)
+    volume = chosen.scan(packing.density, rng, voxel)
     report(1.0, "The bag is packed")
     # Only now: the walls kept things in the room while they nestled.
     labels = packing.opened()
-    return Bag(volume, labels, (z, y, x), _table(packing.records, labels))
+    return Bag(volume, labels, voxel, _table(packing.records, labels))
 
 
 def _table(records: list[Record], labels: NDArray[np.uint16]) -> pd.DataFrame:

@@ -16,7 +16,6 @@ FLAT = np.eye(3)
 SIDE = turned("x", 90.0)
 BACK = turned("x", 180.0)
 UPRIGHT = turned("z", 90.0)
-HEAD_DOWN = turned("z", -90.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -337,11 +337,11 @@ class Clay:
         self.rows.append(row)
         return self
 
-    def carve(self, inset: float = 0.0) -> Clay:
+    def carve(self) -> Clay:
         """Empty the lump: air that does not belong to the object."""
         row = np.zeros(ROW)
         row[0] = CARVE
-        row[1:3] = MATERIAL_INDEX["air"], inset
+        row[1] = MATERIAL_INDEX["air"]
         self.rows.append(row)
         return self
 

@@ -156,7 +156,7 @@ def _lay(
     # One row of overlap less below: cloth that rests on a thing takes none of its voxels.
     inside = (rows > surface - 0.5) & (rows < base) & shown
     cover = np.clip(np.minimum(rows - surface + 0.5, base - rows) + 0.5, 0.0, 1.0) * shown
-    weave = _weave(rng, cloth, (base - rows) / np.maximum(thick, 1.0)[:, None, :], spacing)
+    weave = _weave(rng, (base - rows) / np.maximum(thick, 1.0)[:, None, :], spacing)
     material = MATERIALS[cloth.material]
     density = (material.value * cover * weave).astype(np.float32)
     grams = material.density * float(cover.sum()) * float(np.prod(spacing)) / 1000.0
@@ -201,7 +201,7 @@ def _relief(
 
 
 def _weave(
-    rng: np.random.Generator, cloth: Cloth, share: Plane, spacing: NDArray[np.float64]
+    rng: np.random.Generator, share: Plane, spacing: NDArray[np.float64]
 ) -> NDArray[np.float32]:
     # Layers with loose cloth between them, and the yarn's own unevenness.
     # Three layers through the thickness, as folded clothes show.

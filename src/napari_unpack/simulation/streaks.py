@@ -9,14 +9,14 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy import ndimage
 
+# What counts as metal, CT number + 1000.
+METAL = 4800.0
+# Directions over 180 degrees; their number itself leaves fine streaks.
+VIEWS = 72
+
 
 def add_streaks(
-    density: NDArray[np.float32],
-    strength: float,
-    noise: float,
-    rng: np.random.Generator,
-    metal: float = 4800.0,
-    views: int = 72,
+    density: NDArray[np.float32], strength: float, noise: float, rng: np.random.Generator
 ) -> None:
     """Add the streaks of metal to every axial slice, in place.
 
@@ -30,10 +30,6 @@ def add_streaks(
         Standard deviation of photon starvation on the densest ray, as a share of `strength`.
     rng : numpy.random.Generator
         Of that noise.
-    metal : float
-        What counts as metal.
-    views : int
-        Directions over 180 degrees; their number itself leaves fine streaks.
 
     Notes
     -----
@@ -46,32 +42,27 @@ def add_streaks(
         return
     height, width = density.shape[1:]
     # Rays stay within an axial slice, and so do the streaks of its metal.
-    slices = np.flatnonzero(density.max(axis=(1, 2)) > metal)
+    slices = np.flatnonzero(density.max(axis=(1, 2)) > METAL)
     done: dict[int, NDArray[np.float32]] = {}
     for z in slices:
         # Neighbouring slices share one error: it is smooth along z, and takes half the time.
         key = int(z) // 2
         if key not in done:
             near = density[2 * key : 2 * key + 2].max(axis=0)
-            done = {key: _error(np.minimum(near, 32000.0), strength, noise, rng, metal, views)}
+            done = {key: _error(np.minimum(near, 32000.0), strength, noise, rng)}
         density[z] += done[key][:height, :width]
 
 
 def _error(
-    image: NDArray[np.float32],
-    strength: float,
-    noise: float,
-    rng: np.random.Generator,
-    metal: float,
-    views: int,
+    image: NDArray[np.float32], strength: float, noise: float, rng: np.random.Generator
 ) -> NDArray[np.float32]:
     height, width = image.shape
     padded = np.pad(image, ((0, height % 2), (0, width % 2)))
     # Half resolution: streaks are smooth, and projection costs a quarter.
     small = padded.reshape(padded.shape[0] // 2, 2, padded.shape[1] // 2, 2).mean(axis=(1, 3))
-    dense = np.where(small > 0.5 * metal, small / 32000.0, 0.0).astype(np.float32)
+    dense = np.where(small > 0.5 * METAL, small / 32000.0, 0.0).astype(np.float32)
     reach = int(math.hypot(*dense.shape)) + 3
-    sinogram = np.zeros((views, reach), np.float32)
+    sinogram = np.zeros((VIEWS, reach), np.float32)
     _project(dense, sinogram)
     # Rays through more than a few pixels of solid metal are starved alike.
     hard = 6.0 * np.minimum(sinogram, 8.0) ** 1.6
@@ -80,7 +71,7 @@ def _error(
     error = ndimage.convolve1d(error, _ramp(reach), axis=1, mode="constant")
     back = np.zeros_like(dense)
     _back_project(error.astype(np.float32), back)
-    back *= strength * math.pi / views
+    back *= strength * math.pi / VIEWS
     # Metal itself is clipped far above; only what is around it shows the error.
     back[dense > 0.2] = 0.0
     return np.asarray(ndimage.zoom(back, 2, order=1, mode="nearest", grid_mode=True), np.float32)

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from napari_unpack.geometry.axes import triple
+
 Group = tuple[int, ...]
 
 
@@ -148,5 +150,4 @@ class Queue:
         key = self.precedence(rank or {})
         whole = (tuple(sorted(group)) for group in groups)
         ready = tuple(sorted(whole, key=lambda group: min(map(key, group))))
-        z, y, x = (float(v) for v in direction)
-        return Queue(ready, (z, y, x), (), least_occluded, frozenset(packed), rules)
+        return Queue(ready, triple(direction), (), least_occluded, frozenset(packed), rules)

@@ -294,7 +294,7 @@ class Animator:
             if object_id in session.poses:
                 landed = Moving(slot or session.poses[object_id], flatness=1.0)
             else:
-                center = session.boxes.center(object_id, np.asarray(session.spacing))
+                center = session.boxes.center(object_id, session.spacing)
                 landed = Moving(packed_pose(center, camera))
             # One that flies again is where its flight says.
             objects.setdefault(object_id, landed)
@@ -304,7 +304,7 @@ class Animator:
                 objects[object_id] = Moving(pose, flatness=1.0)
         if self.inspection is not None:
             one = self.inspection
-            center = session.boxes.center(one.object_id, np.asarray(session.spacing))
+            center = session.boxes.center(one.object_id, session.spacing)
             pose = one.pose(now, frame, center)
             # A turned one is cast coarsely, so that it follows the hand.
             still = one.still(now) and one.object_id not in self.turning
@@ -338,7 +338,7 @@ class Animator:
             s, on the session's clock.
         """
         session = self._session
-        spacing = np.asarray(session.spacing, dtype=np.float64)
+        spacing = session.spacing
         home = session.poses.get(object_id)
         diameter = 2 * session.boxes.radius(object_id, spacing, frame.camera.stretch)
         self.inspection = inspection_of(object_id, home, diameter, frame.camera, now)

@@ -306,7 +306,7 @@ class CanvasBackend:
         row = session.boxes.index(object_id)
         low = np.maximum(session.boxes.lower[row] - FRINGE_VOXELS, 0)
         high = np.minimum(session.boxes.upper[row] + FRINGE_VOXELS, session.labels.shape)
-        center = session.boxes.center(object_id, np.asarray(session.spacing, dtype=np.float64))
+        center = session.boxes.center(object_id, session.spacing)
         moved = moving.pose.world_from_world(center, camera)
         voxels = np.eye(4) if self._subvolume is None else self._subvolume.voxel_from_world
         return self._image(
@@ -337,7 +337,7 @@ class CanvasBackend:
     ) -> CanvasImage | None:
         if self._subvolume is None:
             return None
-        spacing = np.asarray(self._session.spacing, dtype=np.float64)
+        spacing = self._session.spacing
         pivot, affine = camera.pivot_from_world(), self._subvolume.voxel_from_world
         if moved is not None:
             pivot, affine = pivot @ moved, affine @ np.linalg.inv(moved)
@@ -421,7 +421,7 @@ class CanvasBackend:
             or known.function is not function
             or not np.array_equal(known.appearance.tints, tints)
         ):
-            spacing = np.asarray(self._session.spacing, dtype=np.float64)
+            spacing = self._session.spacing
             # Finding empty bricks takes milliseconds: only after tints or densities changed.
             table = function.table(TABLE_ENTRIES)
             appearance = Appearance(spacing, table, function.domain, tints, LIGHT)

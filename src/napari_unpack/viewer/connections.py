@@ -9,7 +9,7 @@ from napari_unpack.layers import compat
 from napari_unpack.layers.gl_context import ContextWatch, rebuild_layers
 from napari_unpack.layers.packed_layer import decorate_canvas
 from napari_unpack.layers.view_camera import Frame
-from napari_unpack.session.object_state import ObjectState
+from napari_unpack.session.object_state import ObjectState, ids_in
 from napari_unpack.viewer.clipping_sync import ClippingSync
 from napari_unpack.viewer.placement_sync import PlacementSync
 from napari_unpack.viewer.protocols import Event
@@ -167,8 +167,7 @@ class ControllerConnections:
 
     def _follow_inspection(self) -> None:
         one = self._controller
-        states = one.session.states.items()
-        inspected = next((i for i, s in states if s is ObjectState.INSPECTED), 0)
+        inspected = next(iter(ids_in(one.session.states, ObjectState.INSPECTED)), 0)
         if inspected:
             one.framing.begin_inspection(inspected)
         else:

@@ -133,7 +133,7 @@ class SessionController:
         self._saved: SavedViewerState | None = None
         self._before = False, "auto"
         box = np.stack([np.zeros(3), np.asarray(session.labels.shape, dtype=float) - 1])
-        where = placement_of(self.sources, np.asarray(session.spacing, dtype=np.float64))
+        where = placement_of(self.sources, session.spacing)
         self.packed = PackedLayer("Packed", session.spacing, box, **where)
         self.transition = TransitionLayer("Transition", session.spacing, **where)
         self.sprites = SpriteLayer("Sprites", session.spacing, **where)

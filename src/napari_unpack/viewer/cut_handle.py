@@ -115,7 +115,7 @@ class CutHandle:
             return None
         pivot = transform_points(frame.camera.pivot_from_world(), world)
         # Behind the eye it would be drawn on the other side of the view.
-        if (pivot[:, 0] >= 0.98 * frame.camera.distance).any():
+        if frame.camera.behind_eye(pivot):
             return None
         pixels = frame.camera.pixels(pivot, frame.size)
         return HandleLines(pixels[: RIM_LINES + 1], pixels[RIM_LINES + 1 :])

@@ -9,17 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.geometry.axes import Vector, transform_points, unit
+from napari_unpack.geometry.axes import Vector, transform_points, triple, unit
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.rendered_image import FRONT
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.gl.depth_quads import Quad
 from napari_unpack.rendering.gl.lines import Stroke
 from napari_unpack.session.object_state import ObjectState
-from napari_unpack.viewer.protocols import Pixel, PointerTarget
+from napari_unpack.viewer.protocols import Pixel
 
 if TYPE_CHECKING:
     from napari_unpack.session import Session
+    from napari_unpack.viewer.brush import Brush
+    from napari_unpack.viewer.controller import SessionController
 
 INK = (0.45, 0.9, 1.0, 1.0)
 # A dark line under it, or it would be lost on bright objects.
@@ -51,9 +53,7 @@ class DirectionArrow:
 
     def middle(self, frame: Frame) -> NDArray[np.float64]:
         """Return the (2,) pixel of a frame, row and column, at which the bag's middle is."""
-        pivot_from_world = frame.camera.pivot_from_world()
-        points = transform_points(pivot_from_world, self._session.bag.center[None])
-        return frame.camera.pixels(points, frame.size)[0]
+        return frame.camera.project(self._session.bag.center, frame.size)
 
     def quads_at(self, frame: Frame) -> Sequence[Quad]:
         """Return the arrow's quads: none where objects leave towards the viewer."""
@@ -92,10 +92,12 @@ class Pencil:
 
     Parameters
     ----------
-    target : PointerTarget
+    target : SessionController
         The controller.
     frame_pixel : callable
         Given a pixel of the canvas, returns that of the frame.
+    brush : Brush
+        Put down while an arrow is drawn.
 
     Attributes
     ----------
@@ -104,10 +106,18 @@ class Pencil:
     """
 
     def __init__(
-        self, target: PointerTarget, frame_pixel: Callable[[Pixel], tuple[float, float]]
+        self,
+        target: SessionController,
+        frame_pixel: Callable[[Pixel], tuple[float, float]],
+        brush: Brush,
     ) -> None:
         self.drawing = False
-        self._target, self._frame_pixel = target, frame_pixel
+        self._target, self._frame_pixel, self._brush = target, frame_pixel, brush
+
+    def begin(self) -> None:
+        """Wait for an arrow."""
+        self.drawing = True
+        self._brush.put_down()
 
     def show(self, start: Pixel, end: Pixel) -> None:
         """Show an arrow under the hand.
@@ -173,6 +183,7 @@ class Pencil:
     def stop(self) -> None:
         """Let go of the arrow; the direction stays."""
         self.drawing = False
+        self._brush.take_up()
         self._show(None)
         self._target.events.direction_drawn.emit()
 
@@ -189,8 +200,7 @@ class Pencil:
                 mm = frame.camera.height / frame.size[0]
                 found = surface_normal(target.renderer.picker.depth(), row, col, mm, frame.camera)
             if found is not None:
-                z, y, x = (float(v) for v in found)
-                target.session.direction = z, y, x
+                target.session.direction = triple(found)
         self.stop()
 
 

@@ -14,16 +14,17 @@ from napari_unpack.layers.rendered_image import Sprite
 from napari_unpack.layers.slice_frame import SliceFrame
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.gl.depth_quads import Quad
-from napari_unpack.session.object_state import ObjectState
+from napari_unpack.session.object_state import ObjectState, ids_in
 from napari_unpack.tasks import Task
 from napari_unpack.viewer.canvas_lines import CanvasLines, Line
-from napari_unpack.viewer.protocols import Pixel, PointerTarget
+from napari_unpack.viewer.protocols import Pixel
 from napari_unpack.viewer.scheduler import Worker
 
 if TYPE_CHECKING:
     from napari_unpack.appearance import TransferFunction
     from napari_unpack.rendering.scene import Scene
     from napari_unpack.session.ray_queries import RayQueries
+    from napari_unpack.viewer.controller import SessionController
 
 INK = (0.45, 0.9, 1.0, 0.95)
 
@@ -59,7 +60,7 @@ class RubberBand:
 
     Parameters
     ----------
-    target : PointerTarget
+    target : SessionController
     frame_pixel : callable
         Returns the frame's pixel of one of the canvas.
     start : (2,) ndarray of float64
@@ -68,7 +69,7 @@ class RubberBand:
 
     def __init__(
         self,
-        target: PointerTarget,
+        target: SessionController,
         frame_pixel: Callable[[Pixel], tuple[float, float]],
         start: Pixel,
     ) -> None:
@@ -106,7 +107,7 @@ class RubberBand:
         if not target.renderer.packed.visible:
             return
         scene, rays = session.scene(), session.ray_queries
-        packed = [i for i, state in session.states.items() if state is ObjectState.PACKED]
+        packed = ids_in(session.states, ObjectState.PACKED)
         target.scheduler.submit(
             Task("rubber band", lambda _: enclosed(scene, rays, packed, frame, low, high)),
             Worker.BACKGROUND,
@@ -123,14 +124,14 @@ class SliceBand:
 
     Parameters
     ----------
-    target : PointerTarget
+    target : SessionController
     start : (2,) ndarray of float64
         Pixel of the canvas where the drag begins, row and column.
     position : (N,) sequence of float
         The same in napari's world.
     """
 
-    def __init__(self, target: PointerTarget, start: Pixel, position: Sequence[float]) -> None:
+    def __init__(self, target: SessionController, start: Pixel, position: Sequence[float]) -> None:
         self._target, self._layer = target, target.layers[1]
         self._corners = np.stack([start, start])
         self._ends = np.array([position, position], dtype=np.float64)

@@ -14,7 +14,7 @@ from napari_unpack.layers.view_camera import Frame, same_camera
 from napari_unpack.rendering.gl.depth_quads import Quad
 from napari_unpack.rendering.image_patch import ImagePatch
 from napari_unpack.rendering.outlines import Ink, outlined
-from napari_unpack.session.object_state import ObjectState
+from napari_unpack.session.object_state import ObjectState, ids_in
 from napari_unpack.tasks import Task
 from napari_unpack.viewer.direction_arrow import DirectionArrow
 from napari_unpack.viewer.ghost import Ghost
@@ -156,7 +156,7 @@ class OutlineRenderer:
         # Every landing draws them anew.
         if frame is None or session.flights:
             return
-        packed = frozenset(i for i, s in session.states.items() if s is ObjectState.PACKED)
+        packed = frozenset(ids_in(session.states, ObjectState.PACKED))
         groups = session.queries.unpackable_groups() if outlined.unpackable else ()
         least = session.queries.least_occluded() if outlined.unpackable and not groups else None
         inks = outlined.inks(packed, groups, 0 if least is None else least[0])

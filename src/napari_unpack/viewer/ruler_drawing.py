@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from psygnal import Signal
@@ -23,8 +24,10 @@ from napari_unpack.rendering.rulers import (
 from napari_unpack.session.measurements import Measurement, SurfacePoint
 from napari_unpack.viewer.canvas_lines import CanvasLines, Line
 from napari_unpack.viewer.canvas_text import CanvasText, text_quad
-from napari_unpack.viewer.protocols import PointerTarget
 from napari_unpack.viewer.surface_points import projection_of
+
+if TYPE_CHECKING:
+    from napari_unpack.viewer.controller import SessionController
 
 # Voxels from the slice within which a point counts as in it, and how faint a line is that is not.
 IN_SLICE, FAINT = 1.0, 0.35
@@ -37,7 +40,7 @@ class RulerDrawing:
 
     Parameters
     ----------
-    target : PointerTarget
+    target : SessionController
     pixel_scale : callable
         Returns the device pixels of a logical pixel.
     repaint : callable
@@ -53,7 +56,7 @@ class RulerDrawing:
 
     def __init__(
         self,
-        target: PointerTarget,
+        target: SessionController,
         pixel_scale: Callable[[], float],
         repaint: Callable[[], None],
     ) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.geometry.axes import triple
 from napari_unpack.session.measurements import SurfacePoint
 from napari_unpack.viewer.protocols import Pixel
 from napari_unpack.viewer.surface_points import label_at, surface_point
@@ -69,8 +70,8 @@ class RulerTool:
         """Take a point of a slice, see `ClickTool`."""
         session = self._controller.session
         label = label_at(session, voxel)
-        z, y, x = (float(v) for v in voxel * session.spacing)
-        self._take(None if label is None else SurfacePoint(label, (z, y, x)))
+        at = triple(voxel * session.spacing)
+        self._take(None if label is None else SurfacePoint(label, at))
 
     def _take(self, point: SurfacePoint | None) -> None:
         if point is None:

@@ -14,7 +14,7 @@ from napari_unpack.layers.rendered_image import CanvasImage, RenderedImage
 from napari_unpack.layers.sprite_layer import SpriteLayer
 from napari_unpack.layers.transition_layer import TransitionLayer
 from napari_unpack.layers.view_camera import Frame
-from napari_unpack.session.object_state import ObjectState
+from napari_unpack.session.object_state import ObjectState, ids_in
 from napari_unpack.viewer.animation import Animator, Glides
 from napari_unpack.viewer.canvas_backend import CanvasBackend
 from napari_unpack.viewer.driver_probe import probe_driver
@@ -42,8 +42,6 @@ class Statistics:
     ----------
     packed_passes : int
         Castings of the packed image: previews, full images and regions.
-    transition_frames : int
-        Images of moving objects shown.
     sprites_cast : int
     uploads : int
         Volume textures, and boxes of labels, sent to the graphics card.
@@ -54,7 +52,6 @@ class Statistics:
     """
 
     packed_passes: int
-    transition_frames: int
     sprites_cast: int
     uploads: int
     bytes_sent: int
@@ -130,7 +127,6 @@ class SceneRenderer:
         canvas = self.canvas_backend
         return Statistics(
             packed_passes=self.packed_renderer.passes,
-            transition_frames=self.transition_renderer.frames,
             sprites_cast=self.sprite_renderer.casts,
             uploads=canvas.uploads,
             bytes_sent=canvas.bytes_sent,
@@ -298,8 +294,7 @@ class SceneRenderer:
 
     def _follow_inspection(self) -> None:
         """Begin or end showing an object alone, as the session says."""
-        states = self.session.states.items()
-        wanted = next((i for i, s in states if s is ObjectState.INSPECTED), 0)
+        wanted = next(iter(ids_in(self.session.states, ObjectState.INSPECTED)), 0)
         one = self.animator.inspection
         if self.frame is None or (0 if one is None else one.object_id) == wanted:
             return
@@ -378,7 +373,7 @@ class SceneRenderer:
         frame, session = self.frame, self.session
         if frame is None:
             return
-        hidden = {i for i, s in session.states.items() if s is ObjectState.HIDDEN}
+        hidden = session.state.hidden
         poses = {i: pose for i, pose in session.poses.items() if i not in hidden}
         poses |= {i: pose for i, pose in self.animator.carried.items() if i in poses}
         # Slots planned anew are glided to; a sprite under the hand is where the hand is.
@@ -396,7 +391,4 @@ class SceneRenderer:
 
 def backdrop_of(session: Session) -> Backdrop:
     """Return the backdrop of a session's bag."""
-    boxes, spacing = session.boxes, np.asarray(session.spacing, dtype=np.float64)
-    lower = (boxes.lower.min(axis=0) - 0.5) * spacing
-    upper = (boxes.upper.max(axis=0) - 0.5) * spacing
-    return Backdrop(lower, upper, session.decorations)
+    return Backdrop(session.bag.lower, session.bag.upper, session.decorations)

@@ -7,26 +7,27 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.geometry.axes import Vector
+from napari_unpack.geometry.axes import Vector, triple
 from napari_unpack.geometry.transforms import Projection
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.session.measurements import SurfacePoint
 from napari_unpack.session.object_state import ObjectState
-from napari_unpack.viewer.protocols import Pixel, PointerTarget
+from napari_unpack.viewer.protocols import Pixel
 
 if TYPE_CHECKING:
     from napari_unpack.session import Session
+    from napari_unpack.viewer.controller import SessionController
 
 # Samples along a ray, smallest voxel edges: a tenth of a voxel is finer than its label is.
 STEP = 0.1
 
 
-def projection_of(target: PointerTarget, object_id: int, frame: Frame) -> Projection | None:
+def projection_of(target: SessionController, object_id: int, frame: Frame) -> Projection | None:
     """Return how an object is seen where it stands now.
 
     Parameters
     ----------
-    target : PointerTarget
+    target : SessionController
     object_id : int
         0 for what belongs to no object.
     frame : Frame
@@ -45,12 +46,12 @@ def projection_of(target: PointerTarget, object_id: int, frame: Frame) -> Projec
     return target.renderer.picker.projection_of(object_id, frame)
 
 
-def surface_point(target: PointerTarget, pixel: Pixel) -> SurfacePoint | None:
+def surface_point(target: SessionController, pixel: Pixel) -> SurfacePoint | None:
     """Return the point of a surface that a pixel of the canvas shows; None where there is none.
 
     Parameters
     ----------
-    target : PointerTarget
+    target : SessionController
     pixel : (2,) ndarray of float64
         Of the canvas, row and column.
     """
@@ -62,10 +63,7 @@ def surface_point(target: PointerTarget, pixel: Pixel) -> SurfacePoint | None:
     start, way = projection.ray(interaction.frame_pixel(pixel), frame.size)
     planes = session_planes(target.session, object_id)
     at = first_on_ray(target.session, object_id, start, way, planes)
-    if at is None:
-        return None
-    z, y, x = (float(v) for v in at)
-    return SurfacePoint(object_id, (z, y, x))
+    return None if at is None else SurfacePoint(object_id, triple(at))
 
 
 def label_at(session: Session, voxel: NDArray[np.float64]) -> int | None:
@@ -112,7 +110,7 @@ def first_on_ray(
     planes : (N, 2, 3) ndarray of float64
         What lies behind one is not there, voxels.
     """
-    spacing, bag = np.asarray(session.spacing), session.bag
+    spacing, bag = session.spacing, session.bag
     row = bag.boxes.index(object_id)
     # Wider than the object, as its picture is: rays through the fringe still mean its edge.
     low = (bag.boxes.lower[row] - 1.5) * spacing

@@ -8,8 +8,6 @@ from dataclasses import replace
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.rendered_image import CanvasImage, RenderedImage
 from napari_unpack.layers.view_camera import Frame
@@ -47,11 +45,6 @@ class TransitionRenderer:
     canvas_backend : CanvasBackend
         Casts on the canvas where it is active; else a worker thread does, on the CPU, and also
         where a small object is inspected, of whose finer grid the graphics card has nothing.
-
-    Attributes
-    ----------
-    frames : int
-        Images shown so far.
     """
 
     def __init__(
@@ -61,7 +54,6 @@ class TransitionRenderer:
         show: Callable[[Mapping[int, RenderedImage | CanvasImage]], None],
         canvas_backend: CanvasBackend,
     ) -> None:
-        self.frames = 0
         self._session, self._scheduler = session, scheduler
         self._show, self._canvas_backend = show, canvas_backend
         self._share = 1.0
@@ -104,7 +96,7 @@ class TransitionRenderer:
 
     def _is_enlarged(self, moving: Mapping[int, Moving]) -> bool:
         """Whether a small object is inspected, which has a finer grid of its own."""
-        boxes, spacing = self._session.boxes, np.asarray(self._session.spacing, dtype=np.float64)
+        boxes, spacing = self._session.boxes, self._session.spacing
         rows = [boxes.index(i) for i, one in moving.items() if one.in_front]
         return any(has_stairs(boxes.upper[row] - boxes.lower[row], spacing) for row in rows)
 
@@ -126,7 +118,6 @@ class TransitionRenderer:
         # A still object has all its pixels, however long that takes.
         if not sharp:
             self._adapt(seconds, FRAME_SECONDS)
-        self.frames += 1
         self._show({i: s for i, s in images.items() if i in self._wanted})
 
     def _cast_on_canvas(self, moving: Mapping[int, Moving], frame: Frame) -> None:
@@ -138,7 +129,6 @@ class TransitionRenderer:
             lambda m: detail(m, frame.size, self._share),
             lambda seconds: None if sharp else self._adapt(seconds, budget),
         )
-        self.frames += 1
         self._show(images)
 
     def _adapt(self, seconds: float, wanted: float) -> None:

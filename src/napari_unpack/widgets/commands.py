@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
-from napari_unpack.session.object_state import ObjectState
+from napari_unpack.session.object_state import ObjectState, ids_in
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.annotation_commands import AnnotationCommands
 from napari_unpack.widgets.session_settings import SessionSettings
@@ -277,4 +277,4 @@ def objects_in(session: Session | None, *states: ObjectState) -> list[int]:
     """
     if session is None:
         return []
-    return [i for i, state in session.states.items() if state in states]
+    return ids_in(session.states, *states)

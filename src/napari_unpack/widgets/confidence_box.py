@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from qtpy.QtWidgets import QFileDialog
 
+from napari_unpack.geometry.axes import triple
 from napari_unpack.tasks import Progress, Share, TaskResult
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.commands import Commands
@@ -219,5 +220,4 @@ def _scores(
     """Score the objects; the labels are those of when it was asked, since repairs replace them."""
     from napari_unpack.segmentation.object_table import confidences
 
-    z, y, x = (float(v) for v in session.spacing)
-    return confidences(labels, session.volume, (z, y, x), oracle, share)
+    return confidences(labels, session.volume, triple(session.spacing), oracle, share)

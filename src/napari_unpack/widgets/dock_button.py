@@ -11,18 +11,41 @@ from qtpy.QtGui import QHideEvent, QShowEvent
 from qtpy.QtWidgets import QPushButton, QWidget
 
 from napari_unpack.layers.compat import unwrap
+from napari_unpack.widgets.theme import palette_of, style_sheet
 
 if TYPE_CHECKING:
     import napari
+    from napari.utils.events import Event
 
 
 class DockContents(QWidget):
-    """What stands in a dock; `shown` tells whether it is to be seen."""
+    """What stands in a dock, in the colours of napari's theme.
+
+    Signals: `shown`, whether it is to be seen.
+
+    Parameters
+    ----------
+    viewer : napari.Viewer
+    name : str
+        By which the style sheet knows it.
+    """
 
     shown = Signal(bool)
 
+    def __init__(self, viewer: napari.Viewer, name: str) -> None:
+        super().__init__()
+        # The style sheet names the panel; what stands beside it looks like it.
+        self.setObjectName(name)
+        self._viewer = viewer
+        viewer.events.theme.connect(self._dress)
+        self._dress()
+
     def end(self) -> None:
         """Stop listening to others."""
+        self._viewer.events.theme.disconnect(self._dress)
+
+    def _dress(self, _event: Event | None = None) -> None:
+        self.setStyleSheet(style_sheet(palette_of(self._viewer.theme)))
 
     def take_keyboard(self) -> None:
         """Give the keyboard to what a person opened this for."""

@@ -81,7 +81,6 @@ class ObjectModel(QAbstractTableModel):
         self._keys: dict[int, tuple[list[Row], list[Any]]] = {}
         self._unpackable: frozenset[int] = frozenset()
         self._first: frozenset[int] = frozenset()
-        self._together = False
 
     def load(self, session: Session | None) -> None:
         """Show the objects of a session, or nothing for None."""
@@ -91,7 +90,6 @@ class ObjectModel(QAbstractTableModel):
         self._sizes = {} if session is None else self._known_sizes(session)
         self._row_of = {row.id: k for k, row in enumerate(self._rows)}
         self._unpackable = self._first = frozenset()
-        self._together = False
         self._rows = self._read()
         self.units = self._measured_in()
         self.endResetModel()
@@ -123,9 +121,6 @@ class ObjectModel(QAbstractTableModel):
             last = self.index(len(self._rows) - 1, Column.SIZE)
             self.dataChanged.emit(self.index(0, Column.VOLUME), last)
         before, self._rows = self._rows, self._read()
-        if not self._together and any(row.mark == TOGETHER for row in self._rows):
-            self._together = True
-            self.headerDataChanged.emit(Qt.Orientation.Horizontal, Column.STATE, Column.STATE)
         for k, (old, new) in enumerate(zip(before, self._rows, strict=True)):
             if old != new:
                 # Hues change for all rows at once, while the bag turns: one cell a row is enough.
@@ -192,12 +187,11 @@ class ObjectModel(QAbstractTableModel):
         ]
 
     @property
-    def widest(self) -> dict[Column, str]:
-        """The longest texts: of volumes, and of states so far, since names need the room."""
+    def widest_volume(self) -> str:
+        """The longest text of a volume."""
         volumes = [row.volume for row in self._rows] or [0.0]
         # The largest has most digits, or the smallest most decimals.
-        volume = max(map(self.units.volume.text, (max(volumes), min(volumes))), key=len)
-        return {Column.VOLUME: volume, Column.STATE: TOGETHER if self._together else FIRST}
+        return max(map(self.units.volume.text, (max(volumes), min(volumes))), key=len)
 
     @property
     def knows_confidence(self) -> bool:
@@ -351,7 +345,7 @@ def _alignment(column: Column) -> Qt.AlignmentFlag:
 def upright_sizes(session: Session) -> Sizes:
     """Return by ID the edges of upright boxes, mm, the longest first."""
     boxes = session.boxes
-    edges = -np.sort(-(boxes.upper - boxes.lower) * np.asarray(session.spacing), axis=1)
+    edges = -np.sort(-(boxes.upper - boxes.lower) * session.spacing, axis=1)
     return {int(i): tuple(map(float, edge)) for i, edge in zip(boxes.ids, edges, strict=True)}
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from qtpy.QtCore import QObject, Qt, Signal
 from qtpy.QtWidgets import QWidget
 
+from napari_unpack.geometry.axes import triple
 from napari_unpack.session.errors import listed_objects
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.tasks import Task
@@ -101,8 +102,7 @@ class RevealPlanner(QObject):
         if plan is not None:
             # Before unpacking, which would be news that cancels the plan.
             self.forget()
-            z, y, x = (float(v) for v in plan.direction)
-            self._commands.reveal(plan.target, (z, y, x))
+            self._commands.reveal(plan.target, triple(plan.direction))
 
     def forget(self) -> None:
         """Show no plan any more."""

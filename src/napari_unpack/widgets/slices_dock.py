@@ -15,12 +15,11 @@ from napari_unpack.widgets.dock_button import DockContents
 from napari_unpack.widgets.remembered import remembered
 from napari_unpack.widgets.section import button, column, form, label, row
 from napari_unpack.widgets.slice_view import AXES, SliceView
-from napari_unpack.widgets.theme import GAP, palette_of, style_sheet
+from napari_unpack.widgets.theme import GAP
 from napari_unpack.widgets.wheel_guard import WheelGuard
 from napari_unpack.widgets.workspace import Workspace
 
 if TYPE_CHECKING:
-    from napari.utils.events import Event
     from numpy.typing import NDArray
     from qtpy.QtGui import QHideEvent, QResizeEvent, QShowEvent
 
@@ -46,8 +45,7 @@ class SlicesDock(DockContents):
     """
 
     def __init__(self, workspace: Workspace) -> None:
-        super().__init__()
-        self.setObjectName("unpacking_slices")
+        super().__init__(workspace.viewer, "unpacking_slices")
         self._workspace = workspace
         self._linked: LinkedSlices | None = None
         self._controller: SessionController | None = None
@@ -80,7 +78,6 @@ class SlicesDock(DockContents):
         self._arrange()
         self._connect()
         WheelGuard(self)
-        self._dress()
 
     @property
     def linked(self) -> LinkedSlices | None:
@@ -134,14 +131,13 @@ class SlicesDock(DockContents):
         self.center.clicked.connect(self._center)
         self.fit.clicked.connect(self._fit)
         self._workspace.switched.connect(self.follow)
-        self._workspace.viewer.events.theme.connect(self._dress)
 
     def end(self) -> None:
         """Show nothing more, and stop listening."""
+        super().end()
         if self._linked is not None:
             self._linked.close()
         self._workspace.switched.disconnect(self.follow)
-        self._workspace.viewer.events.theme.disconnect(self._dress)
 
     def take_keyboard(self) -> None:
         """Give the keyboard to the first slice."""
@@ -251,10 +247,6 @@ class SlicesDock(DockContents):
             self._linked.overlay = percent / 100
 
     # What the window does.
-
-    def _dress(self, _event: Event | None = None) -> None:
-        palette = palette_of(self._workspace.viewer.theme)
-        self.setStyleSheet(style_sheet(palette))
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Arrange the slices for the new size."""

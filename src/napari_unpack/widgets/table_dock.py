@@ -12,12 +12,11 @@ from napari_unpack.layers.compat import unwrap
 from napari_unpack.widgets.dock_button import DockButton, DockContents
 from napari_unpack.widgets.objects_pane import ObjectsPane
 from napari_unpack.widgets.section import button, column, row
-from napari_unpack.widgets.theme import GAP, palette_of, style_sheet
+from napari_unpack.widgets.theme import GAP
 from napari_unpack.widgets.wheel_guard import WheelGuard
 
 if TYPE_CHECKING:
     import napari
-    from napari.utils.events import Event
 
 NAME = "Table of objects"
 
@@ -39,10 +38,8 @@ class TableDock(DockContents):
     """
 
     def __init__(self, viewer: napari.Viewer, pane: ObjectsPane) -> None:
-        super().__init__()
-        # The style sheet names the panel; what stands beside it looks like it.
-        self.setObjectName("unpacking_table")
-        self._viewer, self.pane = viewer, pane
+        super().__init__(viewer, "unpacking_table")
+        self.pane = pane
         # The panel's table has a search as well.
         pane.table.setAccessibleName("Table of objects")
         pane.search.setAccessibleName("Search the table of objects")
@@ -55,12 +52,6 @@ class TableDock(DockContents):
         contents.addWidget(pane, stretch=1)
         contents.addWidget(row(self.columns))
         WheelGuard(self)
-        viewer.events.theme.connect(self._dress)
-        self._dress()
-
-    def end(self) -> None:
-        """Stop listening."""
-        self._viewer.events.theme.disconnect(self._dress)
 
     def take_keyboard(self) -> None:
         """Give the keyboard to the table."""
@@ -69,9 +60,6 @@ class TableDock(DockContents):
     def _open_columns(self) -> None:
         menu = self.pane.table.columns_menu()
         menu.popup(self.columns.mapToGlobal(self.columns.rect().bottomLeft()))
-
-    def _dress(self, _event: Event | None = None) -> None:
-        self.setStyleSheet(style_sheet(palette_of(self._viewer.theme)))
 
 
 class TableButton(QObject):

@@ -159,9 +159,7 @@ class Strides:
         -----
         Parallel rays look into one octant, those of a perspective image into up to eight.
         """
-        last_row, last_col = rays.size[0] - 1, rays.size[1] - 1
-        corners = np.array([(1, r, c) for r in (0, last_row) for c in (0, last_col)], np.float64)
-        forward = ~np.signbit(corners @ rays.table[3:])
+        forward = ~np.signbit(rays.corner_ways())
         grids: list[NDArray[np.uint8]] = []
         made: dict[tuple[bool, ...], int] = {}
         slots = np.zeros(8, np.int64)

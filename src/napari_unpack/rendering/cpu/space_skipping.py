@@ -61,9 +61,7 @@ class DirectionalSkipping:
         rays : Rays
             Of the image; parallel ones have the longest paths of bricks ahead.
         """
-        rows, cols = rays.size[0] - 1, rays.size[1] - 1
-        corners = np.array([(1, r, c) for r in (0, rows) for c in (0, cols)], np.float64)
-        ways = corners @ rays.table[3:]
+        ways = rays.corner_ways()
         axis = int(np.argmax(np.abs(ways).min(axis=0)))
         forward = ways[:, axis] > 0
         if (ways[:, axis] == 0).any() or forward.any() != forward.all():

@@ -25,7 +25,6 @@ def sweep_blockers(
     visible: NDArray[np.bool_],
     bricks: Bricks | None = None,
     moved: NDArray[np.bool_] | None = None,
-    threads: int | None = None,
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]] | None:
     """Find out who stands in whose way when objects are moved along D as they are.
 
@@ -42,8 +41,6 @@ def sweep_blockers(
         Of these labels; saves looking at what is uniform, changes nothing.
     moved : (M,) ndarray of bool, optional
         Which of the visible objects to pull; by default all. The columns of others stay empty.
-    threads : int, optional
-        Workers, by default one a core.
 
     Returns
     -------
@@ -73,7 +70,7 @@ def sweep_blockers(
         # Threads share `blocks`: all they ever write to it is True.
         sweep.into(blocks, columns, (slice(first, last), slice(None), slice(None)))
 
-    over_bands(labels.shape[0], work, lambda: None, threads)
+    over_bands(labels.shape[0], work, lambda: None)
     return sweep.ids, blocks
 
 
@@ -131,9 +128,7 @@ class SweepTest:
             distance = strides(owners, (shifts[-1] >= 0).tolist())
         return cls(labels, ids, rows, shifts, steps, owners, distance)
 
-    def blockers(
-        self, object_id: int, box: tuple[slice, ...], most: int, threads: int | None = None
-    ) -> frozenset[int]:
+    def blockers(self, object_id: int, box: tuple[slice, ...], most: int) -> frozenset[int]:
         """Move one object and return whom it meets.
 
         Parameters
@@ -145,8 +140,6 @@ class SweepTest:
         most : int
             Found more than so many, it looks no further: the answer then holds more than
             `most`, and not all.
-        threads : int, optional
-            Workers, by default one a core.
         """
         blocks = np.zeros((len(self.ids), 1), np.bool_)
         columns = np.full(len(self.rows), -1, np.int32)
@@ -158,7 +151,7 @@ class SweepTest:
                 part = slice(start + first, start + last)
                 self.into(blocks, columns, (part, *box[1:]), most)
 
-        over_bands(box[0].stop - start, work, lambda: None, threads)
+        over_bands(box[0].stop - start, work, lambda: None)
         return frozenset(int(i) for i in self.ids[blocks[:, 0]])
 
     def into(

@@ -73,7 +73,7 @@ class Stroke:
         opacity : float
             Of the line.
         """
-        if (ends[:, 0] >= 0.98 * camera.distance).any():
+        if camera.behind_eye(ends):
             return None
         pixels = camera.pixels(ends, size)
         way = pixels[1] - pixels[0]

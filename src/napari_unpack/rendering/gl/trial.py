@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Callable
 from contextlib import suppress
 from hashlib import sha256
 from importlib.metadata import version
@@ -42,15 +41,10 @@ def tried(command: str) -> str:
     return errors[-1].strip() if errors else "it draws nothing"
 
 
-def refusal(driver: str, find: Callable[[], str] = lambda: tried(OFFSCREEN)) -> str:
+def refusal(driver: str) -> str:
     """Return why a driver must not draw offscreen, "" where it may; kept for later processes.
 
-    Parameters
-    ----------
-    driver : str
-        What it calls itself, its version included: another is tried anew.
-    find : callable
-        Returns the reason where it is not known.
+    A driver is known by what it calls itself, its version included: another is tried anew.
     """
     from platformdirs import user_cache_path
 
@@ -58,7 +52,7 @@ def refusal(driver: str, find: Callable[[], str] = lambda: tried(OFFSCREEN)) -> 
     file = user_cache_path("napari-unpack", appauthor=False) / f"offscreen-{name}.txt"
     with suppress(OSError, ValueError):
         return file.read_text("utf-8")
-    reason = find()
+    reason = tried(OFFSCREEN)
     # Where nothing can be kept, the next process asks again.
     with suppress(OSError):
         file.parent.mkdir(parents=True, exist_ok=True)

@@ -117,6 +117,22 @@ def touching_area_matrix(labels: NDArray[np.int32], spacing: Spacing) -> NDArray
     return area
 
 
+def join_rows(table: NDArray[np.float64], one: int, two: int) -> None:
+    """Add what a symmetric table has of part `two` to part `one`, in place.
+
+    Parameters
+    ----------
+    table : (M, M, ...) ndarray of float64
+    one, two : int
+    """
+    table[one] += table[two]
+    table[:, one] += table[:, two]
+    table[two] = 0
+    table[:, two] = 0
+    # What both had in common lies inside now.
+    table[one, one] = 0
+
+
 @njit(cache=True, nogil=True)
 def _measure_surfaces(labels, faces, surface, voxels):  # type: ignore[no-untyped-def]
     """Add to the surface and voxels of every label; return the number of faces between two."""

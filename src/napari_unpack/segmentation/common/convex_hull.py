@@ -22,66 +22,59 @@ def solidity(mask: NDArray[np.bool_], spacing: Spacing) -> float:
     # Only voxels that end their rows along all axes can be corners of the hull, so the hull is
     # taken of those, and then of its corners moved half a voxel along each axis: the centres alone
     # would make a thin plate flat.
-    corners = hull_points(None, mask, np.zeros(3), spacing)
+    corners = mask_corners(mask, np.zeros(3), spacing)
     filled = np.count_nonzero(mask) * float(np.prod(spacing)) / hull_volume(corners)
     # Hull and voxels round differently: a box may come out a little above 1.
     return min(filled, 1.0)
 
 
-def hull_points(
-    points: NDArray[np.float64] | None,
-    mask: NDArray[np.bool_] | None = None,
-    first: NDArray[np.integer] | NDArray[np.float64] | None = None,
-    spacing: Spacing = (1.0, 1.0, 1.0),
+def mask_corners(
+    mask: NDArray[np.bool_], first: NDArray[np.integer] | NDArray[np.float64], spacing: Spacing
 ) -> NDArray[np.float64]:
-    """Return the corners of the convex hull of points, or of a mask's voxels.
+    """Return the corners of the convex hull of a mask's voxels.
 
     Parameters
     ----------
-    points : (N, 3) ndarray of float64, optional
-        mm; where None, the mask's.
-    mask : (Z, Y, X) ndarray of bool, optional
+    mask : (Z, Y, X) ndarray of bool
         At least one voxel.
-    first : (3,) ndarray, optional
+    first : (3,) ndarray
         Index of the mask's first voxel.
     spacing : (float, float, float) of mm, z y x
 
     Returns
     -------
     (K, 3) ndarray of float64
-        mm. A subset of the points; of a mask, face centres of voxels.
+        mm. Face centres of voxels.
     """
-    if points is None:
-        assert mask is not None
-        ends = _corners(_extremes(mask))
-        moves = np.concatenate([np.eye(3), -np.eye(3)]) / 2
-        origin = np.zeros(3) if first is None else first
-        points = (ends[:, None, :] + moves + origin).reshape(-1, 3) * np.array(spacing)
-    return _corners(points)
+    ends = _corners(_extremes(mask))
+    moves = np.concatenate([np.eye(3), -np.eye(3)]) / 2
+    return _corners((ends[:, None, :] + moves + first).reshape(-1, 3) * np.array(spacing))
 
 
-def support_points(points: NDArray[np.float64], count: int = 96) -> NDArray[np.float64]:
+# Along which the furthest points are sought; on a Fibonacci lattice.
+DIRECTIONS = 96
+
+
+def support_points(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the few points of many that reach furthest along directions all over the sphere.
 
     Parameters
     ----------
     points : (N, 3) ndarray of float64
         mm.
-    count : int
-        Directions, on a Fibonacci lattice.
 
     Returns
     -------
     (K, 3) ndarray of float64
-        At most `count` of the points. Their hull has all of a box, and 95 % of a ball. Where they
-        lie in a plane and the points do not, the corners of the points' hull.
+        At most `DIRECTIONS` of the points. Their hull has all of a box, and 95 % of a ball. Where
+        they lie in a plane and the points do not, the corners of the points' hull.
     """
     # No more points than directions: there is nothing to gain.
-    if len(points) <= count:
+    if len(points) <= DIRECTIONS:
         return points
     # Every turn by the golden angle, which spreads directions evenly over the sphere.
-    k = np.arange(count) + 0.5
-    z, turn = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
+    k = np.arange(DIRECTIONS) + 0.5
+    z, turn = 1 - 2 * k / DIRECTIONS, np.pi * (1 + 5**0.5) * k
     ring = np.sqrt(1 - z * z)
     directions = np.stack([z, ring * np.cos(turn), ring * np.sin(turn)])
     found = np.asarray(points[np.unique(np.argmax(points @ directions, axis=0))])

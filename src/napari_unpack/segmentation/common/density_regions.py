@@ -15,7 +15,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from napari_unpack.geometry.relabeling import numbered
 from napari_unpack.segmentation.common.flooding import flood
+from napari_unpack.segmentation.common.merging import roots
 from napari_unpack.tasks import SILENT, Share
 
 
@@ -167,8 +169,7 @@ def regional_minima(levels: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArr
     lowest = np.ones(count + 1, np.bool_)
     _find_descents(plateaus, levels, lowest)
     lowest[0] = False
-    names = np.where(lowest, np.cumsum(lowest), 0).astype(np.int32)
-    return names[plateaus]
+    return numbered(lowest)[plateaus]
 
 
 def intersected_labels(basins: NDArray[np.int32], hosts: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -333,10 +334,10 @@ def _merge_basins(
             if not _absorb_small(pairs, faces, owner, sizes, sums, least, best, gap):
                 break
     share(0.9)
-    roots = _roots(owner)
+    last = roots(owner)
     present = np.zeros(count + 1, np.bool_)
-    present[roots[1:]] = True
-    names = np.where(present, np.cumsum(present), 0)[roots].astype(np.int32)
+    present[last[1:]] = True
+    names = numbered(present)[last]
     names[0] = 0
     return names[basins]
 
@@ -376,14 +377,6 @@ def _find(owner, k):  # type: ignore[no-untyped-def]
         owner[k] = owner[owner[k]]
         k = owner[k]
     return k
-
-
-def _roots(owner: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the root of every basin."""
-    roots = owner[owner]
-    while (roots != owner).any():
-        roots, owner = roots[roots], roots
-    return roots
 
 
 @njit(cache=True, nogil=True)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.segmentation.common.density_regions import DensityScale
+from napari_unpack.segmentation.common.merging import root, roots
 
 # Joins from this probability on are not worth a question: what they join becomes one piece.
 SURE = 0.97
@@ -72,15 +73,15 @@ class Level:
             if k < 0:
                 continue
             if chance >= SURE:
-                one, two = (_root(owner, int(n)) for n in pairs[k])
+                one, two = (root(owner, int(n)) for n in pairs[k])
                 owner[max(one, two)] = min(one, two)
             else:
                 left.append((k, chance))
-        owner = np.array([_root(owner, n) for n in range(count)])
+        owner = roots(owner)
         # What is left are edges of a tree: each joins two clusters, named by one part of them.
         cluster, joined = np.arange(count), []
         for k, chance in left:
-            one, two = (_root(cluster, int(owner[n])) for n in pairs[k])
+            one, two = (root(cluster, int(owner[n])) for n in pairs[k])
             if one != two:
                 cluster[two] = one
                 joined.append((one, two, chance))
@@ -91,7 +92,7 @@ class Level:
         for (a, b), chance in log.apart.items():
             # Names that are gone were judged again by those that took them in.
             if final[a] == a and final[b] == b:
-                one, two = sorted(_root(cluster, int(owner[n])) for n in (a, b))
+                one, two = sorted(root(cluster, int(owner[n])) for n in (a, b))
                 apart[one, two] = chance
         return Level(owner.astype(np.int32)[names], joined, apart)
 
@@ -169,9 +170,3 @@ def strongest(joint: NDArray[np.int64], area: NDArray[np.float64], count: int) -
     # The last one written is the largest.
     best[joint[order]] = order
     return best
-
-
-def _root(owner: NDArray[np.int64], k: int) -> int:
-    while owner[k] != k:
-        k = int(owner[k])
-    return k

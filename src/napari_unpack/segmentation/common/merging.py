@@ -1,4 +1,4 @@
-"""Merging small and ragged parts with the neighbour they touch most."""
+"""Merging parts: who owns whom, and small and ragged ones with the neighbour they touch most."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 from napari_unpack.segmentation.common.adjacency import find_neighbours
 from napari_unpack.segmentation.common.flooding import flood
 from napari_unpack.segmentation.common.validation import Spacing
+
+# Free faces a voxel of a label that is all surface; a flat sheet of one layer has 2.
+RAGGED = 2.4
 
 
 def absorb_small(
@@ -38,12 +41,12 @@ def absorb_small(
     for name in order[(volume[order] < smallest) & ~spared[order]].tolist():
         other = int(most[name])
         # Two small ones may choose each other: the second then has nothing left and is dropped.
-        owner[name] = other if _root(owner, other) != name else 0
-    return np.array([_root(owner, k) for k in range(len(owner))], np.int32)[labels]
+        owner[name] = other if root(owner, other) != name else 0
+    return roots(owner).astype(np.int32)[labels]
 
 
 def absorb_fringes(
-    labels: NDArray[np.int32], density: NDArray[np.generic], spacing: Spacing, ragged: float = 2.4
+    labels: NDArray[np.int32], density: NDArray[np.generic], spacing: Spacing
 ) -> NDArray[np.int32]:
     """Give the voxels of labels that are all surface, around something denser, to neighbours.
 
@@ -53,15 +56,13 @@ def absorb_fringes(
         Not changed.
     density : (Z, Y, X) ndarray
     spacing : (float, float, float) of mm, z y x
-    ragged : float
-        Free faces a voxel, at least; a flat sheet of one layer has 2.
     """
     # The blurred edge of a dense thing, where noise carries some voxels over a density step and
     # leaves others, is a lace of voxels around it.
     found = find_neighbours(labels, spacing)
     face = float(np.prod(spacing)) ** (2 / 3)
     voxels, most = found.voxels, found.most_touched()
-    lace = found.surface > ragged * face * np.maximum(voxels, 1)
+    lace = found.surface > RAGGED * face * np.maximum(voxels, 1)
     values = np.nan_to_num(density.reshape(-1).astype(np.float32))
     mean = np.bincount(labels.reshape(-1), values, len(lace)) / np.maximum(voxels, 1)
     # A thin cable in cloth is all surface too, but denser than what it lies in.
@@ -74,8 +75,24 @@ def absorb_fringes(
     return np.where(grown > 0, grown, labels)
 
 
-def _root(owner: NDArray[np.int64], k: int) -> int:
-    seen = 0
-    while owner[k] != k and seen < len(owner):
-        k, seen = int(owner[k]), seen + 1
+def root(owner: NDArray[np.int64], k: int) -> int:
+    """Return who owns k in the end, halving the path to it.
+
+    Parameters
+    ----------
+    owner : (M,) ndarray of int64
+        Who owns each, itself where nobody else does; paths become shorter.
+    k : int
+    """
+    while owner[k] != k:
+        owner[k] = owner[owner[k]]
+        k = int(owner[k])
     return k
+
+
+def roots(owner: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return who owns each in the end, (M,); see `root`."""
+    found = owner[owner]
+    while (found != owner).any():
+        found, owner = found[found], found
+    return found

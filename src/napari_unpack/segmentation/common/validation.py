@@ -204,8 +204,7 @@ def checked_spacing(spacing: Sequence[float] | ArrayLike) -> Spacing:
     ValueError
         If it is not three positive finite numbers.
     """
-    z, y, x = (float(size) for size in axes.checked_spacing(spacing))
-    return z, y, x
+    return axes.triple(axes.checked_spacing(spacing))
 
 
 def checked_labels(labels: ArrayLike, name: str) -> NDArray[np.integer]:

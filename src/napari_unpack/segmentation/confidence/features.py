@@ -13,7 +13,7 @@ import cc3d
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.segmentation.common.convex_hull import hull_points, hull_volume
+from napari_unpack.segmentation.common.convex_hull import hull_volume, mask_corners
 from napari_unpack.segmentation.common.measures import (
     Measurements,
     Neighbourhood,
@@ -143,7 +143,7 @@ def features(region: Region) -> NDArray[np.float64]:
             *_boundary(found, surface, middle),
             *_density(region, around, found, middle, volume, radius),
             *_gradient(found, middle),
-            *_ratios(found, middle, volume, radius, region.voxel_volume),
+            *_ratios(found, middle, radius, region.voxel_volume),
         ],
         np.float64,
     )
@@ -182,7 +182,7 @@ def _geometry(
     scatter += np.diag(np.array(region.spacing) ** 2 / 12)
     variances, axes = np.linalg.eigh(scatter)
     spread = np.sqrt(np.maximum(variances, 1e-12))[::-1]
-    corners = hull_points(None, region.mask, np.zeros(3), region.spacing)
+    corners = mask_corners(region.mask, np.zeros(3), region.spacing)
     extents = np.ptp(corners @ axes, axis=0)
     deepest = float(found.deep.max())
     ellipsoid = 4 / 3 * np.pi * 5**1.5 * float(np.prod(spread))
@@ -304,9 +304,7 @@ def _gradient(found: Measurements, middle: float) -> list[float]:
     return [float(np.log1p(amount / middle)) for amount in amounts]
 
 
-def _ratios(
-    found: Measurements, middle: float, volume: float, radius: float, voxel: float
-) -> list[float]:
+def _ratios(found: Measurements, middle: float, radius: float, voxel: float) -> list[float]:
     values, edge = found.values.astype(np.float64), found.edge
     met = max(float(edge[3]), 1e-9)
     mass = max(abs(float(values.sum())) * voxel, 1e-9)

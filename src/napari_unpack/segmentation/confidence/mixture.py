@@ -20,6 +20,8 @@ DEGREES_OF_FREEDOM = 10.0
 # Of every component. With 0.01, what looked a little unlike everything learned, as all of a real
 # scan does, was taken for wrong.
 ADDED_VARIANCE = 0.03
+# At most; never more than one for every 2 C points, as covariances of fewer would fit their noise.
+COMPONENTS = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +82,7 @@ def pooled(mixtures: Sequence[Mixture], counts: Sequence[int]) -> Mixture:
     )
 
 
-def fit_mixture(points: NDArray[np.float64], seed: int, most: int = 10) -> Mixture:
+def fit_mixture(points: NDArray[np.float64], seed: int) -> Mixture:
     """Fit a mixture with as many components as BIC prefers.
 
     Parameters
@@ -89,14 +91,11 @@ def fit_mixture(points: NDArray[np.float64], seed: int, most: int = 10) -> Mixtu
         In units of about a standard deviation.
     seed : int
         Of the initialisation.
-    most : int
-        Components at most; never more than one for every 2 C points.
     """
     # Full covariances.
     from sklearn.mixture import GaussianMixture
 
-    # Full covariances of fewer points would fit their noise.
-    count = max(1, min(most, len(points) // (2 * points.shape[1])))
+    count = max(1, min(COMPONENTS, len(points) // (2 * points.shape[1])))
     models = [
         GaussianMixture(
             k, reg_covar=ADDED_VARIANCE, random_state=seed, n_init=2, init_params="k-means++"

@@ -12,6 +12,8 @@ from napari_unpack.segmentation.confidence.oracle import Oracle
 LEAST = 0.5
 # Confidences from here on are not explained: nothing of note lowered them.
 HIGH = 0.8
+# Reasons at most.
+MOST = 3
 
 # What is said of measures below and above those of usual objects; several may say the same.
 _RAGGED = "its surface is smoother than usual", "its surface is ragged"
@@ -63,7 +65,7 @@ _WORDS: dict[str, tuple[str, str]] = {
 }
 
 
-def reasons(oracle: Oracle, row: NDArray[np.float64], most: int = 3) -> tuple[str, ...]:
+def reasons(oracle: Oracle, row: NDArray[np.float64]) -> tuple[str, ...]:
     """Say what lowered the confidence of an object; empty where it is high.
 
     Parameters
@@ -72,8 +74,6 @@ def reasons(oracle: Oracle, row: NDArray[np.float64], most: int = 3) -> tuple[st
         That gave the confidence.
     row : (F,) ndarray of float64
         The object's features.
-    most : int
-        Reasons at most.
     """
     # Each measure in turn is made that of a usual object; what then rises was held down by it.
     usual = np.tile(row, (1 + len(row), 1))
@@ -85,7 +85,7 @@ def reasons(oracle: Oracle, row: NDArray[np.float64], most: int = 3) -> tuple[st
     gains = odds[1:] - odds[0]
     found: dict[str, None] = {}
     for k in np.argsort(-gains).tolist():
-        if gains[k] < LEAST or len(found) == most:
+        if gains[k] < LEAST or len(found) == MOST:
             break
         above = int(row[k] > oracle.center[k])
         words = _WORDS[FEATURES[k]]

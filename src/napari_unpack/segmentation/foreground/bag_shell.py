@@ -15,7 +15,10 @@ SKIN_THICKNESS = 8.0
 """Fabric, piping and zips are at most this thick on average, mm."""
 
 EXTENT = 0.94
-"""A bag reaches over this share of the extent of all parts."""
+"""A bag reaches over this share of the extent of all parts, its skin along two axes at least."""
+
+OUTERMOST = 0.6
+"""Share of a skin's voxels that are the first seen along an axis from outside."""
 
 FEWEST = 3
 """There is no bag around fewer other parts."""
@@ -29,13 +32,7 @@ is 0.96 and more."""
 
 
 def find_shell(
-    labels: NDArray[np.int32],
-    spacing: Spacing,
-    thickness: float = SKIN_THICKNESS,
-    extent: float = EXTENT,
-    outermost: float = 0.6,
-    fewest: int = FEWEST,
-    share: Share = SILENT,
+    labels: NDArray[np.int32], spacing: Spacing, share: Share = SILENT
 ) -> NDArray[np.bool_]:
     """Return by label, (M,), which parts are the bag and not its content.
 
@@ -44,14 +41,6 @@ def find_shell(
     labels : (Z, Y, X) ndarray of int32
         Parts 1, 2, ..., 0 background.
     spacing : (float, float, float) of mm, z y x
-    thickness : float
-        Of the skin at most, on average.
-    extent : float
-        The skin reaches over this share of the extent of all parts, along two axes at least.
-    outermost : float
-        Share of its voxels that are the first seen along an axis from outside.
-    fewest : int
-        There is no bag around fewer other parts.
     share : Share
     """
     # Where there is a skin, other thin parts nearly all of which are outermost belong to it. Four
@@ -59,14 +48,14 @@ def find_shell(
     boxes = label_boxes(labels)
     top = int(labels.max())
     shell = np.zeros(top + 1, np.bool_)
-    if len(boxes.ids) <= fewest:
+    if len(boxes.ids) <= FEWEST:
         return shell
     low, high = boxes.lower, boxes.upper
     spans = (high - low) / np.maximum(high.max(axis=0) - low.min(axis=0), 1)
-    wide = (spans >= extent).sum(axis=1) >= 2
+    wide = (spans >= EXTENT).sum(axis=1) >= 2
     if not wide.any():
         return shell
-    reach = np.maximum(np.round(thickness / 2 / np.array(spacing)).astype(np.int64), 1)
+    reach = np.maximum(np.round(SKIN_THICKNESS / 2 / np.array(spacing)).astype(np.int64), 1)
     outer = np.zeros(top + 1, np.int64)
     _count_outermost(labels, reach, np.zeros(3, np.int64), np.zeros(labels.shape, np.bool_), outer)
     share(0.2)
@@ -74,10 +63,10 @@ def find_shell(
     share(0.7)
     depths = np.bincount(labels.reshape(-1), depth.reshape(-1), top + 1)[boxes.ids]
     # A plate of thickness t has mean depth t / 4.
-    thin = 4 * depths / boxes.counts <= thickness
+    thin = 4 * depths / boxes.counts <= SKIN_THICKNESS
     first = outer[boxes.ids] / boxes.counts
-    skin = wide & thin & (first >= outermost)
-    if skin.any() and len(boxes.ids) - int(skin.sum()) >= fewest:
+    skin = wide & thin & (first >= OUTERMOST)
+    if skin.any() and len(boxes.ids) - int(skin.sum()) >= FEWEST:
         shell[boxes.ids[skin | (thin & (first >= 0.8))]] = True
     return shell
 

@@ -357,7 +357,7 @@ def descend(
 
 
 def _doubtful(
-    data: Field, foreground: Mask, inside: Field, outside: Field, weights: Weights, reach: int = 2
+    data: Field, foreground: Mask, inside: Field, outside: Field, weights: Weights
 ) -> Mask:
     """Return where a finer grid may differ: near the boundary, and where the data contradict."""
     cost = _preferences(data, inside, outside, weights)
@@ -369,7 +369,7 @@ def _doubtful(
         view = np.moveaxis(edge, axis, 0)
         view[1:] |= differs
         view[:-1] |= differs
-    return np.asarray(binary_dilation(edge | wrong, iterations=reach - 1))
+    return np.asarray(binary_dilation(edge | wrong))
 
 
 def _around(data: Field, known: Mask) -> Field:

@@ -18,19 +18,18 @@ from napari_unpack.segmentation.common.validation import Spacing
 # Voxels around a table that are its blur: a scan blurs its edges over two.
 SUPPORT_RIM = 3
 
+# A field of view is round where at least this share of the corners holds one same value.
+PADDED = 0.98
+# Pixels within this of the circle's edge are not trusted.
+CIRCLE_RIM = 3.5
 
-def measured_section(
-    density: NDArray[np.generic], rim: float = 3.5, padded: float = 0.98
-) -> NDArray[np.bool_] | None:
+
+def measured_section(density: NDArray[np.generic]) -> NDArray[np.bool_] | None:
     """Return the pixels of a slice that the scanner measured, where its field of view is round.
 
     Parameters
     ----------
     density : (Z, Y, X) ndarray
-    rim : float
-        Pixels within this of the circle's edge are not trusted.
-    padded : float
-        The field is round where at least this share of the corners holds one same value.
 
     Returns
     -------
@@ -49,9 +48,9 @@ def measured_section(
     slices = density[:: max(1, len(density) // 32)]
     corners = slices[:, radius > middle + 2.5]
     same = corners == corners.reshape(-1)[0]
-    if same.mean() < padded or not _noisy_all_round(slices, radius, corners.reshape(-1)[0]):
+    if same.mean() < PADDED or not _noisy_all_round(slices, radius, corners.reshape(-1)[0]):
         return None
-    return np.asarray(radius <= middle - rim)
+    return np.asarray(radius <= middle - CIRCLE_RIM)
 
 
 def _noisy_all_round(
@@ -68,27 +67,27 @@ def _noisy_all_round(
 
 # mm between the table and the outline of a pad, at most.
 THICKEST_PAD = 40.0
+# Share of the slices in which the outline of a pad is foreground where it is clear.
+CLEAR = 0.55
+# Share of what lies under a clear outline that is foreground, at most.
+EMPTINESS = 0.25
 
 
 def _pad_and_beyond(
-    share: NDArray[np.float32],
-    table: NDArray[np.bool_],
-    spacing: tuple[float, float],
-    clear: float = 0.55,
-    emptiness: float = 0.25,
+    share: NDArray[np.float32], table: NDArray[np.bool_], spacing: tuple[float, float]
 ) -> NDArray[np.bool_]:
     """Find the cross-section of a table's pad, and of all that lies behind it or the table."""
     # `share` is the share of slices in which a pixel of the cross-section is foreground. A pad's
     # outline is the most persistent line that moves at most one pixel a column, found by dynamic
     # programming: under the bag's weight it wanders from slice to slice, so that a threshold would
-    # lose it there. Where it is `clear`, less than `emptiness` of what lies under it is foreground.
+    # lose it there.
     if not table.any():
         return np.zeros_like(table)
     columns = np.flatnonzero(table.any(axis=0))
     heights = np.arange(len(table))[:, None]
     middle = heights.mean() if not share.any() else np.average(heights[:, 0], weights=share.sum(1))
     if middle > np.average(heights[:, 0], weights=table.sum(axis=1)):
-        return _pad_and_beyond(share[::-1], table[::-1], spacing, clear, emptiness)[::-1]
+        return _pad_and_beyond(share[::-1], table[::-1], spacing)[::-1]
     surface = table[:, columns].argmax(axis=0)
     reach = min(int(THICKEST_PAD / spacing[0]), int(surface.min()))
     behind = np.zeros_like(table)
@@ -99,10 +98,10 @@ def _pad_and_beyond(
     band = maximum_filter1d(share, 3, axis=0)[rows, columns]
     lift = _ridge(np.ascontiguousarray(band), surface)
     found = band[lift, np.arange(len(columns))]
-    distinct = found >= clear
+    distinct = found >= CLEAR
     under = (np.arange(reach - 2)[:, None] < lift[None, :] - 1) & distinct
     inside = share[rows, columns][under]
-    if distinct.mean() < 0.25 or not len(inside) or inside.mean() > emptiness:
+    if distinct.mean() < 0.25 or not len(inside) or inside.mean() > EMPTINESS:
         return behind
     top = surface - 2 - lift - 1
     behind[:, columns] = heights >= top - 1
@@ -134,27 +133,21 @@ def _ridge(band, surface):  # type: ignore[no-untyped-def]
 
 # Share of the foreground that supports are at most; more of it is no support but the bag.
 LARGEST_SUPPORT = 0.4
+# mm that its walls are thick at most.
+SUPPORT_THICKNESS = 12.0
+# mm that its cross-section is wide at least, and that it is long.
+SUPPORT_WIDTH = 120.0
+# Share of the slices along its axis in which a point of its cross-section is foreground.
+PERSISTENCE = 0.8
 
 
-def find_supports(
-    foreground: NDArray[np.bool_],
-    spacing: Spacing,
-    thickness: float = 12.0,
-    width: float = 120.0,
-    persistence: float = 0.8,
-) -> NDArray[np.bool_]:
+def find_supports(foreground: NDArray[np.bool_], spacing: Spacing) -> NDArray[np.bool_]:
     """Find thin things of constant cross-section that run the whole length of the volume.
 
     Parameters
     ----------
     foreground : (Z, Y, X) ndarray of bool
     spacing : (float, float, float) of mm, z y x
-    thickness : float
-        A support's walls are at most this thick, mm.
-    width : float
-        Its cross-section is at least this wide, mm, and so is its length.
-    persistence : float
-        Share of the slices along its axis in which a point of its cross-section is foreground.
     """
     # A table or belt is a prism along the direction of travel: seen along that axis it is a set of
     # pixels that are foreground in nearly every slice, and packed things are not. Along each axis
@@ -167,11 +160,11 @@ def find_supports(
         length = foreground.shape[axis] * spacing[axis]
         others = [a for a in range(3) if a != axis]
         extent = max(foreground.shape[a] * spacing[a] for a in others)
-        if length < width or extent < 1.5 * width:
+        if length < SUPPORT_WIDTH or extent < 1.5 * SUPPORT_WIDTH:
             continue
         plane = (spacing[others[0]], spacing[others[1]])
         share = foreground.mean(axis=axis, dtype=np.float32)
-        section = _thin_and_wide(share, persistence, plane, thickness, width)
+        section = _thin_and_wide(share, plane)
         if not _leaves_the_scan(section, foreground, axis):
             continue
         section = _with_cores(section, share)
@@ -181,17 +174,13 @@ def find_supports(
     return found & foreground if found.any() else found
 
 
-def _leaves_the_scan(
-    section: NDArray[np.bool_], foreground: NDArray[np.bool_], axis: int, slices: int = 2
-) -> bool:
+def _leaves_the_scan(section: NDArray[np.bool_], foreground: NDArray[np.bool_], axis: int) -> bool:
     """Return whether most of a cross-section is foreground at both ends of the scan."""
     # A table or belt is longer than what is scanned of it; the wall of a carton in a bag is not.
     if not section.any():
         return False
     ends = np.moveaxis(foreground, axis, 0)
-    return all(
-        float(np.any(end, axis=0)[section].mean()) >= 0.5 for end in (ends[:slices], ends[-slices:])
-    )
+    return all(float(np.any(end, axis=0)[section].mean()) >= 0.5 for end in (ends[:2], ends[-2:]))
 
 
 def _beyond(
@@ -204,31 +193,27 @@ def _beyond(
     return _pad_and_beyond(share.T, section.T, spacing[::-1]).T
 
 
-def _thin_and_wide(
-    share: NDArray[np.float32],
-    persistence: float,
-    spacing: tuple[float, float],
-    thickness: float,
-    width: float,
-) -> NDArray[np.bool_]:
+def _thin_and_wide(share: NDArray[np.float32], spacing: tuple[float, float]) -> NDArray[np.bool_]:
     """Return the pixels of persistent thin pieces, with what is half as persistent beside them."""
-    section = share >= persistence
+    section = share >= PERSISTENCE
     pieces, count = cc3d.connected_components(section, connectivity=8, return_N=True)
     keep = np.zeros(count + 1, np.bool_)
     depth = edt.edt(section, anisotropy=spacing, black_border=False)
     for piece in range(1, count + 1):
         rows, columns = np.nonzero(pieces == piece)
         spans = (np.ptp(rows) * spacing[0], np.ptp(columns) * spacing[1])
-        if max(spans) >= width:
-            keep[piece] = 2 * np.quantile(depth[rows, columns], 0.9) <= thickness
+        if max(spans) >= SUPPORT_WIDTH:
+            keep[piece] = 2 * np.quantile(depth[rows, columns], 0.9) <= SUPPORT_THICKNESS
     return np.asarray(
-        binary_dilation(keep[pieces], np.ones((3, 3)), iterations=4, mask=share >= persistence / 2)
+        binary_dilation(keep[pieces], np.ones((3, 3)), iterations=4, mask=share >= PERSISTENCE / 2)
     )
 
 
-def _with_cores(
-    section: NDArray[np.bool_], share: NDArray[np.float32], doubt: float = 0.2
-) -> NDArray[np.bool_]:
+# Share of the slices that differ from most, on average over a hole of a support.
+DOUBT = 0.2
+
+
+def _with_cores(section: NDArray[np.bool_], share: NDArray[np.float32]) -> NDArray[np.bool_]:
     """Add the holes of a support's cross-section that are the same in nearly every slice."""
     walls = binary_closing(np.pad(section, 4), np.ones((3, 3)), iterations=3)[4:-4, 4:-4]
     holes, count = cc3d.connected_components(~walls, connectivity=4, return_N=True)
@@ -238,7 +223,7 @@ def _with_cores(
         rim[edge] = True
     pixels = np.maximum(np.bincount(holes.reshape(-1), minlength=count + 1), 1)
     mean = np.bincount(holes.reshape(-1), changes.reshape(-1), count + 1) / pixels
-    core = ~rim & (mean <= doubt)
+    core = ~rim & (mean <= DOUBT)
     core[0] = False
     cores = binary_dilation(core[holes], np.ones((3, 3)), iterations=2)
     return np.asarray(section | (cores & walls) | core[holes])

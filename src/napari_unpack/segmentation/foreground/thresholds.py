@@ -14,6 +14,11 @@ BINS = 512
 # Voxels, evenly spread, that levels are found from: their quantiles are good to a thousandth.
 MOST_SAMPLES = 4_000_000
 
+# Voxels of a blurred fringe that are taken off at most.
+FRINGE = 2
+# A blurred edge lies at half of its height.
+EDGE_HEIGHT = 0.5
+
 
 class NothingFoundError(ValueError):
     """There is no object in the volume, as far as could be told."""
@@ -121,11 +126,7 @@ def above_levels(volume: NDArray[Any], levels: Levels) -> NDArray[np.bool_]:
 
 
 def peel(
-    foreground: NDArray[np.bool_],
-    density: NDArray[np.generic],
-    air: float,
-    layers: int = 2,
-    fraction: float = 0.5,
+    foreground: NDArray[np.bool_], density: NDArray[np.generic], air: float
 ) -> NDArray[np.bool_]:
     """Take off the blurred fringe of foreground that is denser than the threshold asks.
 
@@ -136,18 +137,14 @@ def peel(
     density : (Z, Y, X) ndarray
     air : float
         Density of the background.
-    layers : int
-        Voxels taken off at most.
-    fraction : float
-        A voxel beside the background goes where its density above air is below this share of
-        the largest among its 26 neighbours: a blurred edge lies at half of its height.
     """
-    # One low threshold makes steel a voxel or two too thick and gives it a shell of every density
-    # between air's and its own. Thin foreground is safe: its densest voxels have no denser
-    # neighbour.
-    for _ in range(layers):
+    # A voxel beside the background goes where its density above air is below half of the largest
+    # among its 26 neighbours. One low threshold makes steel a voxel or two too thick and gives it
+    # a shell of every density between air's and its own. Thin foreground is safe: its densest
+    # voxels have no denser neighbour.
+    for _ in range(FRINGE):
         inner = foreground.copy()
-        _peel(foreground, density, air, fraction, inner)
+        _peel(foreground, density, air, EDGE_HEIGHT, inner)
         foreground = inner
     return foreground
 

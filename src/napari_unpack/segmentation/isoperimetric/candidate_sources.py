@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_cdt, gaussian_filter
 
+from napari_unpack.geometry.relabeling import numbered
 from napari_unpack.segmentation.common.flooding import flood
 from napari_unpack.segmentation.common.measures import chamfer_depth
 from napari_unpack.segmentation.common.region import Region
@@ -136,18 +137,15 @@ def _grown(
     sizes = np.bincount(pieces.reshape(-1), minlength=count + 1)
     large = sizes >= max(fewest, 1)
     large[0] = False
-    seeds = np.where(large, np.cumsum(large), 0).astype(np.int32)[pieces]
-    return flood(seeds, mask, (255 * settle).astype(np.uint8))
+    return flood(numbered(large)[pieces], mask, (255 * settle).astype(np.uint8))
 
 
-def lattice_candidates(prepared: PreparedRegion, keep: int = 2) -> Proposals:
+# Cuts of each lattice at most.
+LATTICE_CUTS = 2
+
+
+def lattice_candidates(prepared: PreparedRegion) -> Proposals:
     """Propose minima of the isoperimetric ratio, as "lattice" and, with steps, "lattice, density".
-
-    Parameters
-    ----------
-    piece : PreparedRegion
-    keep : int
-        Cuts at most of each.
 
     Notes
     -----
@@ -166,35 +164,30 @@ def lattice_candidates(prepared: PreparedRegion, keep: int = 2) -> Proposals:
         order, cut = lattice.sweep(potential, weighted=density is not None)
         ratio = isoperimetric_ratio(cut, lattice.voxel)
         last = len(order) - prepared.fewest
-        for k in significant_minima(ratio, prepared.fewest, last, 1.1, keep):
+        for k in significant_minima(ratio, prepared.fewest, last, 1.1, LATTICE_CUTS):
             yield source, two_sides(lattice.where[order], k, small.mask.shape), None
 
 
-def sheet_candidates(
-    prepared: PreparedRegion, shares: tuple[float, ...] = (0.35, 0.65), wide: float = 6.0
-) -> Proposals:
-    """Propose, as "sheet", to take thin parts off thick ones.
+# Half thicknesses that count as thin, against the largest depth.
+THIN_SHARES = (0.35, 0.65)
+# Times its half thickness that a thin part extends at least.
+WIDE = 6.0
 
-    Parameters
-    ----------
-    piece : PreparedRegion
-    shares : tuple of float
-        Half thickness that counts as thin, against the largest depth.
-    wide : float
-        A thin part's extent is at least this many times its half thickness.
-    """
+
+def sheet_candidates(prepared: PreparedRegion) -> Proposals:
+    """Propose, as "sheet", to take thin parts off thick ones."""
     # Thin is what an opening takes away: no ball of the half thickness fits there. Under a thick
     # thing that rests on it a flat sheet goes on: what lies between its two faces is its own.
     small = prepared.coarse
     deepest = float(small.depth.max())
-    for share in shares:
+    for share in THIN_SHARES:
         half = share * deepest
         core = small.mask & (small.depth > half)
         if not core.any():
             continue
         away = edt.edt(~core, anisotropy=small.spacing, black_border=False)
         thin = small.mask & (away > half + max(small.spacing))
-        sides = _with_sheets(core, thin, small.mask, small.spacing, half, prepared.fewest, wide)
+        sides = _with_sheets(core, thin, small.mask, small.spacing, half, prepared.fewest)
         if sides is not None:
             yield "sheet", sides, None
 
@@ -206,7 +199,6 @@ def _with_sheets(
     spacing: tuple[float, float, float],
     half: float,
     fewest: int,
-    wide: float,
 ) -> NDArray[np.int32] | None:
     """Flood from the thick core and from every wide thin piece; None where there is no such."""
     pieces, count = cc3d.connected_components(thin, connectivity=26, return_N=True)
@@ -215,7 +207,7 @@ def _with_sheets(
     name = 1
     for k in np.flatnonzero(sizes[1:] >= fewest) + 1:
         points = np.argwhere(pieces == k) * np.array(spacing)
-        if np.linalg.norm(np.ptp(points, axis=0)) < wide * half:
+        if np.linalg.norm(np.ptp(points, axis=0)) < WIDE * half:
             continue
         name += 1
         seeds[pieces == k] = name

@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from napari_unpack.geometry.relabeling import numbered
 from napari_unpack.segmentation.common.flooding import flood
 from napari_unpack.segmentation.common.measures import chamfer_depth
 from napari_unpack.segmentation.common.region import Region
@@ -116,7 +117,7 @@ def _connected_parts(parts: NDArray[np.int32], smallest: int) -> NDArray[np.int3
     sizes = np.bincount(components.reshape(-1), minlength=count + 1)
     large = sizes >= min(smallest, sizes[1:].max(initial=0))
     large[0] = False
-    seeds = np.where(large, np.cumsum(large), 0).astype(np.int32)[components]
+    seeds = numbered(large)[components]
     return seeds if large[1:].all() else flood(seeds, parts > 0)
 
 

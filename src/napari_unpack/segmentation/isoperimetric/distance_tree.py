@@ -15,6 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from napari_unpack.segmentation.common.array_source import strides_of
+from napari_unpack.segmentation.common.merging import root
 from napari_unpack.segmentation.common.validation import Spacing
 
 # Depths of a tree's edges are told apart to a quarter of the smallest voxel edge.
@@ -229,7 +230,7 @@ def significant_minima(
     curve : (N,) ndarray of float64
         For instance the isoperimetric ratio of every prefix.
     first, last : int
-        Only regional_minima with first <= k < last count.
+        Only minima with first <= k < last count.
     drop : float
         A minimum counts where the curve must rise by this factor (above 1) before a deeper
         one can be reached.
@@ -260,17 +261,10 @@ def _persistent(values: NDArray[np.float64], rise: float) -> list[int]:
         if not sides:
             owner[k], low[k] = k, k
             continue
-        roots = sorted({_root(owner, int(s)) for s in sides}, key=lambda r: logs[low[r]])
-        owner[k] = roots[0]
-        for root in roots[1:]:
-            if logs[k] - logs[low[root]] >= rise:
-                kept.add(low[root])
-            owner[root] = roots[0]
+        basins = sorted({root(owner, int(s)) for s in sides}, key=lambda r: logs[low[r]])
+        owner[k] = basins[0]
+        for basin in basins[1:]:
+            if logs[k] - logs[low[basin]] >= rise:
+                kept.add(low[basin])
+            owner[basin] = basins[0]
     return sorted(kept, key=lambda k: values[k])
-
-
-def _root(owner: NDArray[np.int64], k: int) -> int:
-    while owner[k] != k:
-        owner[k] = owner[owner[k]]
-        k = int(owner[k])
-    return k

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
-from napari_unpack.segmentation.common.adjacency import touching_area_matrix
+from napari_unpack.segmentation.common.adjacency import join_rows, touching_area_matrix
 from napari_unpack.segmentation.common.region import Oracle, Region, united
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.isoperimetric.cut_tree import (
@@ -18,6 +18,9 @@ from napari_unpack.segmentation.isoperimetric.cut_tree import (
 )
 from napari_unpack.tasks import Progress, Share, no_progress
 
+# Parts that touch over a smaller share of the lesser surface are not merged.
+TOUCHING = 0.05
+
 
 def join_touching(
     labels: NDArray[np.int32],
@@ -25,7 +28,6 @@ def join_touching(
     spacing: Spacing,
     oracle: Oracle,
     margin: float = 0.0,
-    touching: float = 0.05,
     progress: Progress | None = None,
 ) -> NDArray[np.int32]:
     """Merge touching parts whose union the oracle prefers; return labels in any order.
@@ -40,8 +42,6 @@ def join_touching(
         Confidence of a region.
     margin : float
         A union's confidence exceeds the mean of its parts', by volume, by this.
-    touching : float
-        Parts that touch over a smaller share of the lesser surface are not merged.
     progress : callable, optional
         Called with (fraction, text) before every rating and merge; raising in it cancels.
     """
@@ -67,7 +67,7 @@ def join_touching(
 
     def gains(share: Share) -> list[tuple[float, int, int]]:
         found = []
-        near = inner > touching * np.minimum.outer(surface, surface)
+        near = inner > TOUCHING * np.minimum.outer(surface, surface)
         for one, two in share.over(np.argwhere(np.triu(near, 1)).tolist()):
             parts = nodes[one], nodes[two]
             if (one, two) not in unions:
@@ -87,11 +87,7 @@ def join_touching(
         nodes[one] = unions[one, two]
         del nodes[two]
         surface[one] += surface[two] - 2 * inner[one, two]
-        inner[one] += inner[two]
-        inner[:, one] += inner[:, two]
-        inner[two] = 0
-        inner[:, two] = 0
-        inner[one, one] = 0
+        join_rows(inner, one, two)
         # Only unions with what has just changed must be rated again.
         unions = {pair: u for pair, u in unions.items() if not {one, two} & set(pair)}
     out = np.zeros_like(labels)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.segmentation.common.joins import JoinLog
+from napari_unpack.segmentation.common.merging import roots
 from napari_unpack.segmentation.learned.fragments import FragmentAffinities
 
 # How the excess of a mean affinity over its threshold becomes a probability; see `chance_of`.
@@ -111,12 +112,7 @@ def mean_affinity_linkage(
         _inherit(near, a, b)
         for c in near[a]:
             consider(a, c)
-    for k in range(count):
-        root = k
-        while owner[root] != root:
-            root = int(owner[root])
-        owner[k] = root
-    return owner
+    return roots(owner)
 
 
 def chance_of(excess: float) -> float:

@@ -40,6 +40,8 @@ SMOOTHING = 0.5
 # Of voxels that are blurred with the other side, in means; something thin has no others.
 WEIGHT_AT_BORDER = 0.02
 
+# Voxels that a border moves at most, one a round.
+ROUNDS = 3
 # Voxels decided about at once, each with up to 1.4 kB of measures.
 AT_ONCE = 2**14
 
@@ -295,7 +297,6 @@ def assign_labels(
     cells: NDArray[np.int32],
     foreground: NDArray[np.bool_],
     following: NDArray[np.uint8],
-    rounds: int = 3,
     share: Share = SILENT,
 ) -> NDArray[np.int32]:
     """Label voxels as their cells are, and move the borders to where affinities are low.
@@ -308,16 +309,14 @@ def assign_labels(
         Voxels to label.
     following : (3, Z, Y, X) ndarray of uint8
         Affinity with the next voxel; see `boundary_network.Prediction`.
-    rounds : int
-        Voxels that a border moves at most.
     share : Share
     """
     full = cells.repeat(2, axis=0).repeat(2, axis=1).repeat(2, axis=2)
     z, y, x = foreground.shape
     labels = np.where(foreground, full[:z, :y, :x], np.int32(0))
-    for n in range(rounds):
+    for n in range(ROUNDS):
         vote = partial(moves_in, Borders.of(labels).touching, partial(_vote, labels, following))
-        apply_moves(labels, share.part(n / rounds, (n + 1) / rounds).over_slabs(labels.shape, vote))
+        apply_moves(labels, share.part(n / ROUNDS, (n + 1) / ROUNDS).over_slabs(labels.shape, vote))
     return labels
 
 

@@ -266,7 +266,7 @@ def find_objects(
     first = merging.part(0.0, 0.5)
     pieces, measured = split_at_density_steps(density, spacing, found, noted, first)
     log, touching = JoinLog(), _touching(measured)
-    labels = merge_pieces(pieces, measured, found.scale, log=log, share=merging.part(0.5, 0.7))
+    labels = merge_pieces(pieces, measured, log=log, share=merging.part(0.5, 0.7))
     if noted is not None:
         noted.levels.append(Level.of(log, pieces, *touching))
     labels = sharpened(labels, density, found, share=merging.part(0.7, 1.0))

@@ -21,7 +21,8 @@ from napari_unpack.atomic import written_atomically
 from napari_unpack.file_sizes import load_arrays
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.read_errors import read_errors_told
-from napari_unpack.segmentation.common.convex_hull import hull_points, hull_volume, support_points
+from napari_unpack.segmentation.common.adjacency import join_rows
+from napari_unpack.segmentation.common.convex_hull import hull_volume, mask_corners, support_points
 from napari_unpack.segmentation.common.depths import label_depths
 from napari_unpack.segmentation.common.joins import JoinLog
 from napari_unpack.segmentation.common.validation import Spacing
@@ -96,22 +97,6 @@ class Parts:
         self.hulls[two] = self.hulls[two][:0]
 
 
-def join_rows(table: NDArray[np.float64], one: int, two: int) -> None:
-    """Add what a symmetric table has of part `two` to part `one`, in place.
-
-    Parameters
-    ----------
-    table : (M, M, ...) ndarray of float64
-    one, two : int
-    """
-    table[one] += table[two]
-    table[:, one] += table[:, two]
-    table[two] = 0
-    table[:, two] = 0
-    # What both had in common lies inside now.
-    table[one, one] = 0
-
-
 def measure_parts(
     labels: NDArray[np.int32],
     lifted: NDArray[np.float32],
@@ -142,7 +127,7 @@ def measure_parts(
     for name in share.part(0.5, 1.0).over(boxes.ids.tolist()):
         box = boxes.slices(name)
         first = np.array([b.start for b in box])
-        corners = support_points(hull_points(None, labels[box] == name, first, spacing))
+        corners = support_points(mask_corners(labels[box] == name, first, spacing))
         hulls[name], volumes[name] = corners, hull_volume(corners)
     return Parts(sums, area, middle, step, hulls, volumes, float(np.prod(spacing)))
 
@@ -301,7 +286,7 @@ class PairClassifier:
 PairProbability = Callable[[int, int, NDArray[np.float64]], float]
 
 TOUCHING = 0.003
-"""Share of the smaller surface from which two parts touch.
+"""Share of the smaller surface from which two parts touch, and are classified.
 
 A corner against a corner merges nothing; the blades and handles of scissors, and the folds of
 cloth, touch over less than a hundredth.
@@ -312,7 +297,6 @@ def agglomerate(
     parts: Parts,
     classifier: PairProbability,
     least: float = 0.5,
-    touching: float = TOUCHING,
     log: JoinLog | None = None,
     share: Share = SILENT,
 ) -> NDArray[np.int64]:
@@ -326,14 +310,12 @@ def agglomerate(
         `classifier(one, two, features) -> probability` that two parts are one object.
     least : float
         Probability below which nothing is merged.
-    touching : float
-        Pairs that touch over a smaller share of the smaller surface are not classified.
     log : JoinLog, optional
         Where merges are noted, and what was not merged.
     share : Share
     """
     # Best first with a heap: a merge classifies only the merged part's neighbours anew. About a
-    # millisecond a pair, most of it in convex hulls. FragmentAffinities are broken by label.
+    # millisecond a pair, most of it in convex hulls. Ties are broken by label.
     count = len(parts.sums)
     owner = np.arange(count)
     version = np.zeros(count, np.int64)
@@ -348,7 +330,7 @@ def agglomerate(
             log.apart[one, two] = chance
 
     surface = parts.area.sum(axis=1) + parts.sums[:, 4]
-    near = parts.area > touching * np.minimum.outer(surface, surface)
+    near = parts.area > TOUCHING * np.minimum.outer(surface, surface)
     for one, two in share.part(0.0, 0.5).over(np.argwhere(np.triu(near, 1)).tolist()):
         consider(one, two)
     merged = 0
@@ -366,7 +348,7 @@ def agglomerate(
         version[one] += 1
         version[two] = -1
         surface[one] = parts.area[one].sum() + parts.sums[one, 4]
-        enough = parts.area[one] > touching * np.minimum(surface[one], surface)
+        enough = parts.area[one] > TOUCHING * np.minimum(surface[one], surface)
         for other in np.flatnonzero(enough).tolist():
             consider(one, other)
     return owner

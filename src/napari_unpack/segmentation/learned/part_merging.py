@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.segmentation.common.adjacency import join_rows
 from napari_unpack.segmentation.common.density_regions import DensityScale, log_density
 from napari_unpack.segmentation.common.joins import JoinLog
 from napari_unpack.segmentation.common.merging import absorb_small
@@ -26,7 +27,6 @@ from napari_unpack.segmentation.learned.pair_classifier import (
     PairClassifier,
     Parts,
     agglomerate,
-    join_rows,
     measure_parts,
 )
 from napari_unpack.tasks import SILENT, Share

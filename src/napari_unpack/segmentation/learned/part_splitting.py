@@ -181,7 +181,6 @@ def split_and_measure(
 def merge_pieces(
     pieces: NDArray[np.int32],
     measured: Pieces,
-    scale: DensityScale,
     classifier: PairClassifier | None = None,
     log: JoinLog | None = None,
     share: Share = SILENT,
@@ -194,8 +193,6 @@ def merge_pieces(
         Pieces 1, 2, ...
     measured : Pieces
         Of them; used up.
-    scale : DensityScale
-        How densities were compared.
     classifier : PairClassifier, optional
         Over `PIECE_FEATURES`; by default the one that ships with the package.
     log : JoinLog, optional

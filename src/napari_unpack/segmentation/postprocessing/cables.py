@@ -58,7 +58,6 @@ def gather_cables(
     labels: NDArray[np.int32],
     density: NDArray[np.generic],
     scale: DensityScale | None = None,
-    rule: CableRule | None = None,
     share: Share = SILENT,
 ) -> NDArray[np.int32]:
     """Give cables what belongs to them of the objects they wind through.
@@ -70,7 +69,6 @@ def gather_cables(
     density : (Z, Y, X) ndarray
     scale : DensityScale, optional
         How densities are compared; by default as the median of what is labelled says.
-    rule : CableRule, optional
     share : Share
 
     Notes
@@ -80,7 +78,7 @@ def gather_cables(
     whose middle lines are two voxels apart are one bundle. A bundle changes nothing unless an
     object is mostly thread of it: the rim of a can and the edge of a box are threads too.
     """
-    limits, compared = rule or CableRule(), scale or scale_of(labels, density)
+    limits, compared = CableRule(), scale or scale_of(labels, density)
     if compared is None:
         return labels
     lifted = np.zeros(density.shape, np.float32)
@@ -212,13 +210,13 @@ REACH = 3
 HESSIAN = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
 
 
-def _kernels(width: float = 1.0) -> NDArray[np.float32]:
+def _kernels() -> NDArray[np.float32]:
     """Return the second derivatives of a Gaussian along zz, yy, xx, zy, zx, yx, (6, n, n, n)."""
     t = np.arange(-REACH, REACH + 1.0)
-    g = np.exp(-(t**2) / (2 * width**2))
+    g = np.exp(-(t**2) / 2)
     g /= g.sum()
-    first = t / width**2 * g
-    second = (t**2 / width**2 - 1) / width**2 * g
+    first = t * g
+    second = (t**2 - 1) * g
     second -= g * second.sum()
     lines = (g, first, second)
     orders = ((2, 0, 0), (0, 2, 0), (0, 0, 2), (1, 1, 0), (1, 0, 1), (0, 1, 1))

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, binary_erosion, generate_binary_structure
 
 from napari_unpack.geometry.boxes import Box, LabelBoxes, label_boxes
+from napari_unpack.geometry.relabeling import numbered
 from napari_unpack.segmentation.common.adjacency import find_neighbours
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS
 from napari_unpack.segmentation.common.validation import Spacing
@@ -103,7 +104,7 @@ def _closed(air: NDArray[np.bool_]) -> NDArray[np.int32]:
         for end in (0, -1):
             opens[np.unique(np.take(holes, end, axis=axis))] = True
     opens[0] = True
-    return np.where(opens, 0, np.cumsum(~opens)).astype(np.int32)[holes]
+    return numbered(~opens)[holes]
 
 
 def _given(

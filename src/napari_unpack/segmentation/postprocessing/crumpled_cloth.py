@@ -9,13 +9,15 @@ from numpy.typing import NDArray
 from napari_unpack.segmentation.common.depths import label_depths
 from napari_unpack.segmentation.common.validation import Spacing
 
+# Voxels that four times the mean depth of a fold, the thickness of a plate, is at most.
+LAYERS = 6.0
+
 
 def bundle_folds(
     parts: NDArray[np.int32],
     density: NDArray[np.generic],
     spacing: Spacing,
     light: float,
-    layers: float = 6.0,
     prevalence: float = 0.25,
 ) -> NDArray[np.int32]:
     """Give folds that lie against each other one label.
@@ -28,8 +30,6 @@ def bundle_folds(
     spacing : (float, float, float) of mm, z y x
     light : float
         The mean density of a fold is at most this.
-    layers : float
-        And four times its mean depth, the thickness of a plate, at most so many voxels.
     prevalence : float
         Nothing is done where folds are less than this share of the foreground: elsewhere thin
         light parts are walls and sheets.
@@ -48,7 +48,7 @@ def bundle_folds(
     thickness = 4 * np.bincount(flat, depth.reshape(-1), top + 1) / counts
     values = np.nan_to_num(density.reshape(-1).astype(np.float32))
     mean = np.bincount(flat, values, top + 1) / counts
-    fold = (thickness <= layers * float(np.cbrt(np.prod(spacing)))) & (mean <= light)
+    fold = (thickness <= LAYERS * float(np.cbrt(np.prod(spacing)))) & (mean <= light)
     fold[0] = False
     if not fold.any() or counts[fold].sum() < prevalence * np.count_nonzero(flat):
         return parts

@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull
 
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.common.array_source import grown
-from napari_unpack.segmentation.common.convex_hull import hull_points, solidity
+from napari_unpack.segmentation.common.convex_hull import mask_corners, solidity
 from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.segmentation.common.merging import absorb_small
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS
@@ -83,7 +83,6 @@ def separate_inclusions(
     density: NDArray[np.generic],
     spacing: Spacing,
     smallest: float,
-    rule: InclusionRule | None = None,
     share: Share = SILENT,
 ) -> NDArray[np.int32]:
     """Make objects, with labels after all others, of what is dense inside something soft.
@@ -97,8 +96,6 @@ def separate_inclusions(
     smallest : float
         mm^3, below which what is left of a host joins a neighbour; pieces are kept down to a
         quarter of it.
-    rule : InclusionRule, optional
-        By default with what is soft beside the volume's other densities.
     share : Share
     """
     # The core of a piece is what stands out against its own host. A piece ends at half the density
@@ -108,7 +105,7 @@ def separate_inclusions(
     scale = scale_of(labels, density)
     if scale is None:
         return labels
-    limits = rule or InclusionRule(_softest(labels, density, scale))
+    limits = InclusionRule(_softest(labels, density, scale))
     voxel = float(np.prod(spacing))
     least = max(limits.fewest, smallest / 4 / voxel)
     result = labels
@@ -238,7 +235,7 @@ def _stands_out(
 
 def _walled(solid: NDArray[np.bool_], share: float) -> NDArray[np.bool_]:
     """Return what a piece's convex hull holds if the piece is most of the hull's surface."""
-    hull = ConvexHull(hull_points(None, solid))
+    hull = ConvexHull(mask_corners(solid, np.zeros(3), (1.0, 1.0, 1.0)))
     grid = np.moveaxis(np.indices(solid.shape, np.float32), 0, -1)
     inside = np.ones(solid.shape, np.bool_)
     for plane in hull.equations.astype(np.float32):

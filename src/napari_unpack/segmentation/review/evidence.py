@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from napari_unpack.segmentation.common.density_regions import intersected_labels, log_density
 from napari_unpack.segmentation.common.joins import Level, Steps, joint_of
+from napari_unpack.segmentation.common.merging import root, roots
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS
-from napari_unpack.tasks import SILENT, Share
 
 # Thinner pieces, in voxels, are where a border was drawn anew after the step that made it.
 THINNEST = 1.5
@@ -86,7 +86,7 @@ class Evidence:
         return np.frombuffer(zlib.decompress(self.packed), np.int32).reshape(self.shape)
 
 
-def gather(labels: NDArray[np.int32], steps: Steps, share: Share = SILENT) -> Evidence | None:
+def gather(labels: NDArray[np.int32], steps: Steps) -> Evidence | None:
     """Return the evidence behind labels; None where the method noted nothing.
 
     Parameters
@@ -95,25 +95,22 @@ def gather(labels: NDArray[np.int32], steps: Steps, share: Share = SILENT) -> Ev
         Objects as they came out in the end.
     steps : Steps
         Taken on the way to them.
-    share : Share
     """
     if not steps.levels or steps.seen is None:
         return None
     raw = labels
-    for level in share.part(0.0, 0.2).over(steps.levels):
+    for level in steps.levels:
         raw = intersected_labels(raw, level.names)
     count = int(raw.max(initial=0)) + 1
     flat = raw.reshape(-1)
     # Every piece lies in one part of each step.
     names = np.zeros((1 + len(steps.levels), count), np.int64)
     found = (labels, *(level.names for level in steps.levels))
-    for row, array in share.part(0.2, 0.4).over(list(zip(names, found, strict=True))):
+    for row, array in zip(names, found, strict=True):
         row[flat] = array.reshape(-1)
     names[:, 0] = 0
     lifted = log_density(steps.seen.density, labels > 0, steps.seen.scale)
-    measuring = share.part(0.5, 0.9)
-    sums, pairs, contact = _measured(raw, lifted, steps.seen.matter, measuring)
-    share(0.9)
+    sums, pairs, contact = _measured(raw, lifted, steps.seen.matter)
     # What no step has seen is the air that a wall holds: it goes with the wall.
     unseen = np.asarray(~names[1:].any(axis=0))
     final = _without_slivers(sums[:, 0], pairs, contact[:, 0], names[0], unseen)
@@ -131,7 +128,7 @@ def gather(labels: NDArray[np.int32], steps: Steps, share: Share = SILENT) -> Ev
 
 
 def _measured(
-    pieces: NDArray[np.int32], lifted: NDArray[np.float32], matter: NDArray[np.uint8], share: Share
+    pieces: NDArray[np.int32], lifted: NDArray[np.float32], matter: NDArray[np.uint8]
 ) -> tuple[Floats, Pairs, Floats]:
     """Return sums by piece, and the pairs that touch with how they do."""
     count, flat = int(pieces.max(initial=0)) + 1, pieces.reshape(-1)
@@ -139,10 +136,10 @@ def _measured(
     own, value = flat[inside], lifted.reshape(-1)[inside].astype(np.float64)
     sums = np.zeros((count, 5))
     said = matter.reshape(-1)[inside] / 255.0
-    for k, weight in enumerate(share.part(0.2, 0.4).over((None, value, value * value, said))):
+    for k, weight in enumerate((None, value, value * value, said)):
         sums[:, k] = np.bincount(own, weight, count)
     keys, means, gaps = [], [], []
-    for axis in share.part(0.4, 0.9).over(range(3)):
+    for axis in range(3):
         here, heights = np.moveaxis(pieces, axis, 0), np.moveaxis(lifted, axis, 0)
         meet = here[:-1] != here[1:]
         one, two = here[:-1][meet].astype(np.int64), here[1:][meet].astype(np.int64)
@@ -175,16 +172,11 @@ def _without_slivers(
     for name in np.lexsort((voxels, ~unseen)).tolist():
         if not (sliver[name] and most[name]):
             continue
-        root = int(most[name])
-        while owner[root] != root:
-            root = int(owner[root])
+        other = root(owner, int(most[name]))
         # Two slivers may choose each other; the larger then stays.
-        if root != name:
-            owner[name] = root
-    for name in range(count):
-        while owner[owner[name]] != owner[name]:
-            owner[name] = owner[owner[name]]
-    return owner
+        if other != name:
+            owner[name] = other
+    return roots(owner)
 
 
 def _gathered(pairs: Pairs, contact: Floats) -> tuple[Pairs, Floats]:
@@ -229,13 +221,10 @@ def _chances(
 
 
 def _roots(level: Level, top: int) -> NDArray[np.int64]:
-    root = np.arange(max([top, *(max(one, two) for one, two, _ in level.joined)]) + 1)
+    owner = np.arange(max([top, *(max(one, two) for one, two, _ in level.joined)]) + 1)
     for one, two, _ in level.joined:
-        root[two] = one
-    for n in range(len(root)):
-        while root[root[n]] != root[n]:
-            root[n] = root[root[n]]
-    return root
+        owner[two] = one
+    return roots(owner)
 
 
 def _tree(pairs: Pairs, label: Any, order: NDArray[np.int64], area: Floats) -> NDArray[np.bool_]:
@@ -243,12 +232,7 @@ def _tree(pairs: Pairs, label: Any, order: NDArray[np.int64], area: Floats) -> N
     owner, kept = np.arange(len(label)), np.zeros(len(pairs), np.bool_)
     inner = np.flatnonzero(label[pairs[:, 0]] == label[pairs[:, 1]])
     for k in inner[np.lexsort((-area[inner], order[inner, 1], order[inner, 0]))].tolist():
-        ends = []
-        for n in pairs[k].tolist():
-            while owner[n] != n:
-                owner[n] = owner[owner[n]]
-                n = int(owner[n])
-            ends.append(n)
-        if ends[0] != ends[1]:
-            owner[ends[1]], kept[k] = ends[0], True
+        one, two = (root(owner, n) for n in pairs[k].tolist())
+        if one != two:
+            owner[two], kept[k] = one, True
     return kept
