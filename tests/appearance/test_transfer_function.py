@@ -139,6 +139,18 @@ def test_a_speck_between_the_voxels_looked_at_is_contrast_too():
     assert function.opacity_at(9) > 0.1
 
 
+@pytest.mark.parametrize(
+    ("offset", "most", "dtype"),
+    [(2**60, 1916, np.uint64), (-(2**60), 1916, np.int64), (2**60, 2**62, np.int64)],
+)
+def test_a_small_range_far_from_zero_has_a_default(offset, most, dtype):
+    volume = (scan(20, 1050, 15, np.uint16).astype(np.int64) + offset).astype(dtype)
+    volume[12, 12, 12] = offset + most
+    function = TransferFunction.default_for(volume)
+    assert function.opacity_at(offset + 20) == 0.0
+    assert function.opacity_at(offset + 1050) > 0.1
+
+
 @pytest.mark.parametrize("volume", [np.full((3, 3, 3), 7), np.full((3, 3, 3), np.nan)])
 def test_there_is_no_default_for_a_volume_without_contrast(volume):
     with pytest.raises(ValueError, match="volume must"):

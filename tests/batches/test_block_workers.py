@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import signal
 import time
 import tracemalloc
@@ -57,7 +58,7 @@ def test_labels_are_those_of_one_machine_whatever_the_blocks(
     wanted = nu.segment(volume, MM, working=48**3)
     assert len(wanted.objects) == 8
     out = zarr.open_array(str(tmp_path / "out.zarr"), mode="w", shape=volume.shape, dtype="i4")
-    monkeypatch.setitem(large_volumes.segment_large.__kwdefaults__, "block", 50_000)
+    monkeypatch.setattr(large_volumes, "BLOCK", 50_000)
     found = nu.segment(stored, MM, working=48**3, out=out, client=client)
     assert np.array_equal(out[...], wanted.labels)
     np.testing.assert_allclose(found.objects, wanted.objects, rtol=1e-9)
@@ -88,7 +89,7 @@ def test_the_peak_of_a_worker_follows_its_blocks_and_not_the_volume(
     peaks = {}
     # Kernels are loaded with the first, which takes memory once.
     for block in (BLOCK, BLOCK, WHOLE):
-        monkeypatch.setitem(large_volumes.segment_large.__kwdefaults__, "block", block)
+        monkeypatch.setattr(large_volumes, "BLOCK", block)
         client.run(tracemalloc.start)
         try:
             nu.segment(stored, MM, working=48**3, out=out, client=client)
@@ -220,9 +221,15 @@ def test_a_block_that_ends_every_worker_is_told_in_a_sentence(
     assert [path.name for path in tmp_path.iterdir()] == ["in.zarr"]
 
 
-def test_a_lost_cluster_is_told_in_a_sentence(
-    empty_zarr: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_lost_cluster_is_told_in_a_sentence_and_no_traceback(
+    empty_zarr: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
+    for name in ("distributed", "distributed.client"):
+        log = logging.getLogger(name)
+        monkeypatch.setattr(log, "handlers", [*log.handlers, caplog.handler])
     (tmp_path / "dask").mkdir()
     own = Pair(tmp_path / "dask")
     own.worker()
@@ -237,6 +244,7 @@ def test_a_lost_cluster_is_told_in_a_sentence(
     told = CliRunner().invoke(app, [*words, "--scheduler", str(own.file)])
     assert told.exit_code == 1
     assert "error: the Dask cluster was lost, and nothing is written" in told.output
+    assert caplog.text == ""
     assert not (tmp_path / "labels.zarr").exists()
 
 

@@ -237,13 +237,15 @@ def test_the_table_sorts_and_searches(page: Page, written: tuple[nu.Session, Pat
     assert page.locator("tbody tr:visible button").inner_text() == NASTY
 
 
-def test_buttons_bar_and_keys_go_from_step_to_step(page: Page) -> None:
-    step = page.locator("#step")
-    assert (step.input_value(), step.get_attribute("max")) == ("1", "7")
+def test_buttons_bar_and_keys_go_from_step_to_step(
+    page: Page, written: tuple[nu.Session, Path]
+) -> None:
+    step, last = page.locator("#step"), layout(written[0])[0].step
+    assert (step.input_value(), step.get_attribute("max")) == ("1", str(last))
     first = picture(page)
     page.get_by_role("button", name="Unpack next").click()
     assert step.input_value() == "2"
-    assert page.locator("#said").inner_text().startswith("Step 2 of 7: ")
+    assert page.locator("#said").inner_text().startswith(f"Step 2 of {last}: ")
     assert change(picture(page), first) > 100
     page.get_by_role("button", name="Put back").click()
     np.testing.assert_array_equal(picture(page), first)
@@ -252,9 +254,9 @@ def test_buttons_bar_and_keys_go_from_step_to_step(page: Page) -> None:
     assert step.input_value() == "0"
     assert page.get_by_role("button", name="Put back").is_disabled()
     assert page.locator("#said").inner_text() == "Everything is packed"
-    for _ in range(9):
+    for _ in range(last + 2):
         page.keyboard.press("n")
-    assert step.input_value() == "7"
+    assert step.input_value() == str(last)
     assert page.get_by_role("button", name="Unpack next").is_disabled()
 
 
@@ -318,6 +320,34 @@ def test_two_fingers_bring_it_near_and_one_turns_it(
         fingers("touchMove", 10 * k)
     fingers("touchEnd")
     assert change(picture(page), first) > 100
+    assert page.said == []  # type: ignore[attr-defined]
+    page.close()
+
+
+@pytest.mark.parametrize("size", [(390, 844), (1400, 420)])
+def test_a_click_on_an_object_scrolls_its_row_into_sight_and_never_the_page(
+    browser: Browser, written: tuple[nu.Session, Path], size: tuple[int, int]
+) -> None:
+    page = opened(browser, written[1], viewport={"width": size[0], "height": size[1]})
+    box = page.locator("canvas").bounding_box()
+    assert box
+    clicked = set()
+    for share in (0.35, 0.45, 0.5, 0.55, 0.65):
+        page.mouse.click(box["x"] + share * box["width"], box["y"] + box["height"] / 2)
+        chosen = page.locator("tr[aria-current]")
+        if not chosen.count():
+            continue
+        clicked.add(chosen.inner_text())
+        assert page.evaluate("scrollY") == 0
+        if size[0] >= 1000:
+            row, table = chosen.bounding_box(), page.locator(".wide").bounding_box()
+            head = page.locator("thead").bounding_box()
+            assert row
+            assert table
+            assert head
+            assert row["y"] >= head["y"] + head["height"] - 1
+            assert row["y"] + row["height"] <= table["y"] + table["height"] + 1
+    assert len(clicked) >= 2
     assert page.said == []  # type: ignore[attr-defined]
     page.close()
 

@@ -60,7 +60,10 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, nu.Session]:
 
 def told(text: str) -> dict:
     (data,) = re.findall(r'<script type="application/json" id="bag">(.*?)</script>', text, re.S)
-    return json.loads(data)
+    bag = json.loads(data)
+    for one in bag["objects"]:
+        one["id"] = int(one["id"])
+    return bag
 
 
 def shape(one: dict) -> tuple[np.ndarray, np.ndarray]:
@@ -146,6 +149,20 @@ def test_order_and_hues_are_the_sessions(page: tuple[str, nu.Session]) -> None:
     # Nobody has flagged anything, so there is no such column.
     heads = re.findall(r'<th scope="col"[^>]*><button>([^<]+)', page[0])
     assert heads == ["Name", "ID", "Order out", "Volume cm³", "Note"]
+
+
+def test_ids_are_told_apart_that_no_number_of_a_browser_does(tmp_path: Path) -> None:
+    first = bag()
+    huge = 720575940612453042
+    labels = np.array([0, huge, huge + 1, huge + 2, huge + 3])[first.labels]
+    session = nu.Session(first.volume, labels, first.spacing)
+    path = save_interactive_page(session, tmp_path / "bag.html", backend="cpu")
+    text = path.read_text("utf-8")
+    (data,) = re.findall(r'<script type="application/json" id="bag">(.*?)</script>', text, re.S)
+    # As a browser reads it: all its numbers are floats.
+    ids = [one["id"] for one in json.loads(data, parse_int=float)["objects"]]
+    assert sorted(ids) == [str(huge + k) for k in range(4)]
+    assert ids == re.findall(r'<tr data-id="(\d+)">', text)
 
 
 def test_surfaces_are_where_the_labels_are_and_as_near_as_the_page_says(

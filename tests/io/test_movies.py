@@ -8,6 +8,7 @@ from typing import Any
 import imageio.v3 as iio
 import numpy as np
 import pytest
+from PIL import Image
 from scipy.linalg import polar
 
 from napari_unpack.geometry.axes import transform_points
@@ -136,6 +137,7 @@ def test_cancelling_leaves_no_file(tmp_path: Path, session: Any) -> None:
         ("film.mp4", {"count": -1}, "count, size, fps and seconds must be positive, got -1"),
         ("film.mp4", {"fps": 0}, "size, fps and seconds must be positive"),
         ("film.mp4", {"seconds": -1.0}, "size, fps and seconds must be positive"),
+        ("film.mp4", {"seconds": float("inf")}, "size, fps and seconds must be positive"),
     ],
 )
 def test_bad_films_are_refused(
@@ -373,3 +375,19 @@ def test_a_gif_keeps_colours_and_what_stands_still(tmp_path: Path) -> None:
     assert (read[:, :50] == read[0, :50]).all(), "nothing flickers where nothing moves"
     assert (tmp_path / "film.gif").stat().st_size < 12 * 1500
     assert [p.name for p in tmp_path.iterdir()] == ["film.gif"]
+
+
+def test_a_gif_of_many_frames_a_second_has_none_that_browsers_show_for_too_long(
+    tmp_path: Path,
+) -> None:
+    with movie_writer(tmp_path / "film.gif", (16, 24), 60) as write:
+        for k in range(60):
+            write(np.full((16, 24, 3), 4 * k, np.uint8))
+    shown = []
+    with Image.open(tmp_path / "film.gif") as film:
+        for k in range(film.n_frames):
+            film.seek(k)
+            shown.append(film.info["duration"])
+    # Browsers take a hundredth of a second for ten.
+    assert min(shown) >= 20
+    assert sum(shown) == pytest.approx(1000, abs=40)

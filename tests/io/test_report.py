@@ -15,6 +15,7 @@ import pytest
 import napari_unpack as nu
 from napari_unpack.io import save_measurements_csv, save_objects_page
 from napari_unpack.io.report import save_objects_csv
+from napari_unpack.io.table_page import number_cell
 from napari_unpack.session.measurements import SurfacePoint
 from napari_unpack.tasks import Cancelled
 
@@ -209,3 +210,8 @@ def test_densities_of_a_scan_scaled_to_one_are_told_with_two_digits(tmp_path: Pa
     cells = Cells()
     cells.feed(path.read_text("utf-8"))
     assert [row[7] for row in cells.rows] == ["Mean density", "0.51", "0.031"]
+
+
+def test_long_ids_are_sorted_by_all_their_digits() -> None:
+    assert 'data-value="10000000001"' in number_cell(10_000_000_001, "10000000001")
+    assert 'data-value="0.333333333"' in number_cell(1 / 3, "0.3")

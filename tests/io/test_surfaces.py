@@ -205,6 +205,13 @@ def test_files_in_a_folder_have_the_ids_of_the_labels_given(tmp_path: Path) -> N
     assert names == ["010 Object 10.stl", "700000 Object 700000.stl"]
 
 
+def test_an_object_named_twice_is_written_once(session: nu.Session, tmp_path: Path) -> None:
+    once = trimesh.load_mesh(save_surfaces(session, tmp_path / "once.stl", [BALL]))
+    twice = trimesh.load_mesh(save_surfaces(session, tmp_path / "twice.stl", [BALL, BALL]))
+    assert twice.is_watertight
+    assert twice.volume == pytest.approx(once.volume)
+
+
 def test_micrometres_are_told_in_millimetres(session: nu.Session, tmp_path: Path) -> None:
     try:
         session.length_unit = LengthUnit(MICRO)

@@ -54,6 +54,30 @@ def test_npz_holds_what_objects_are_called(tmp_path: Path) -> None:
     assert load_volume(path).names is None
 
 
+def test_npz_holds_names_of_large_ids_without_a_row_for_every_id(tmp_path: Path) -> None:
+    path = tmp_path / "bag.npz"
+    names = {2**62: "Shoe", 1: "Mug"}
+    save_scan(Scan(VOLUME, SPACING, LABELS, names=names), path)
+    assert load_volume(path).names == names
+    with np.load(path) as arrays:
+        # Versions that know only these would give them to IDs 0 and 1.
+        assert "names" not in arrays
+    # As every version reads them: a place for each ID.
+    save_scan(Scan(VOLUME, SPACING, LABELS, names={3: "Shoe", 1: "Mug"}), path)
+    with np.load(path) as arrays:
+        assert arrays["names"].tolist() == ["", "Mug", "", "Shoe"]
+        assert set(arrays) == {"volume", "spacing", "labels", "names"}
+
+
+@pytest.mark.parametrize("ids", [np.arange(3), np.array([1.5, 2]), np.array([[1, 2]])])
+def test_names_with_ids_that_are_none_of_theirs_are_left_out(
+    tmp_path: Path, ids: np.ndarray
+) -> None:
+    path = tmp_path / "odd.npz"
+    np.savez(path, volume=VOLUME, labels=LABELS, names_of_ids=["Mug", "Shoe"], named_ids=ids)
+    assert load_volume(path).names is None
+
+
 @pytest.mark.parametrize("suffix", [".nii", ".nii.gz", ".mha", ".nrrd", ".tif"])
 def test_other_formats_hold_the_volume_and_labels_beside_it(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"bag{suffix}"
@@ -69,6 +93,21 @@ def test_other_formats_hold_the_volume_and_labels_beside_it(tmp_path: Path, suff
     labels, spacing = load_labels(written[1])
     np.testing.assert_array_equal(labels, LABELS)
     assert spacing == pytest.approx(SPACING)
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".nii.gz", ".mha", ".nrrd", ".tif"])
+def test_a_mask_is_a_volume_of_0_and_1(tmp_path: Path, suffix: str) -> None:
+    mask = VOLUME > 3000
+    path = tmp_path / f"a{suffix}"
+    save_scan(Scan(mask, SPACING), path)
+    np.testing.assert_array_equal(load_volume(path).volume, mask.astype(np.uint8), strict=True)
+
+
+def test_a_mask_that_another_program_wrote_is_read_without_a_copy(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", VOLUME > 3000)
+    found = load_volume(tmp_path / "a.npy").volume
+    np.testing.assert_array_equal(found, (VOLUME > 3000).astype(np.uint8), strict=True)
+    assert found.base is not None
 
 
 def test_a_bare_array(tmp_path: Path) -> None:
@@ -408,6 +447,51 @@ def test_a_nifti_file_that_ends_early_is_refused(tmp_path: Path, suffix: str) ->
         path.write_bytes(cut)
         with pytest.raises(ValueError, match=r"is not whole: its header asks for [\d,]+ bytes"):
             load_volume(path)
+
+
+# As outside a scanner's round field of view; the first and the last slice are looked at on saving.
+HOLES = VOLUME.astype(np.float32) - 1000
+HOLES[0, 0, :2] = np.nan
+HOLES[1, 2, 3], HOLES[-1, -1, -1] = np.inf, -np.inf
+
+
+@pytest.mark.parametrize("suffix", [".nii", ".nii.gz", ".mha", ".nrrd", ".tif", ".npz"])
+def test_what_is_not_finite_is_written_and_read(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a{suffix}"
+    for volume in (HOLES, HOLES.astype(np.float64))[: 1 if suffix == ".tif" else 2]:
+        save_scan(Scan(volume, SPACING), path)
+        np.testing.assert_array_equal(load_volume(path).volume, volume, strict=True)
+
+
+@pytest.mark.parametrize("slope", [2.0, -2.0])
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("suffix", [".nii", ".nii.gz"])
+def test_what_is_not_finite_in_a_nifti_file_is_none_after_rescaling_and_turning(
+    tmp_path: Path, suffix: str, order: str, slope: float
+) -> None:
+    head = bytearray(352)
+    # By the standard: sizes at byte 40, the type and its bits at 70, voxel sizes at 76, where the
+    # voxels begin, slope and offset at 108, the turn's code at 252, its rows at 280.
+    struct.pack_into(f"{order}i", head, 0, 348)
+    struct.pack_into(f"{order}8h", head, 40, 4, *HOLES.shape[::-1], 2, 1, 1, 1)
+    struct.pack_into(f"{order}2h", head, 70, 16, 32)
+    struct.pack_into(f"{order}8f", head, 76, 1, *SPACING[::-1], 1, 1, 1, 1)
+    struct.pack_into(f"{order}3f", head, 108, 352, slope, -5)
+    struct.pack_into(f"{order}2h", head, 252, 0, 1)
+    rows = np.diag([SPACING[2], SPACING[1], SPACING[0], 1])[:3]
+    struct.pack_into(f"{order}12f", head, 280, *rows.ravel())
+    head[344:348] = b"n+1\0"
+    stored = np.stack([HOLES[:, ::-1], HOLES]).astype(f"{order}f4").tobytes()
+    path = tmp_path / f"a{suffix}"
+    packed = gzip.compress if suffix.endswith(".gz") else bytes
+    path.write_bytes(packed(bytes(head) + stored))
+    for t, wanted in enumerate((HOLES[:, ::-1], HOLES)):
+        found = load_volume(path, {"t": t}).volume
+        np.testing.assert_array_equal(found, wanted * slope - 5)
+    # One time point alone is turned upright.
+    struct.pack_into(f"{order}h", head, 40, 3)
+    path.write_bytes(packed(bytes(head) + stored))
+    np.testing.assert_array_equal(load_volume(path).volume, HOLES[::-1, :, ::-1] * slope - 5)
 
 
 @pytest.mark.parametrize("order", ["<", ">"])

@@ -64,6 +64,8 @@ def foreground_ramp(volume: ArrayLike) -> Ramp:
     lowest, highest = float(samples.min()), float(samples.max())
     if not highest > lowest:
         raise ValueError(f"volume must not be constant, got {lowest!r} everywhere")
+    # From the lowest on: far from zero there are not enough floats for 256 bins in a small range.
+    samples, highest = samples - lowest, highest - lowest
     # At least half of a scan is air around the bag.
     air, noise = _level(samples[samples <= np.median(samples)])
     # Metal raises Otsu's threshold up, so the densest are clipped, but never matter altogether.
@@ -77,7 +79,8 @@ def foreground_ramp(volume: ArrayLike) -> Ramp:
     # Above four deviations of noise air stays clear, below 0.8 of the threshold cloth shows.
     foot = min(max(air + 4.0 * noise, air + 0.45 * (threshold - air)), 0.8 * threshold + 0.2 * air)
     surface = max(threshold, foot + 0.25 * (body - foot))
-    return Ramp(lowest, foot, surface, max(body, surface), max(top, (highest + top) / 2))
+    body, highest = max(body, surface), max(top, (highest + top) / 2)
+    return Ramp(lowest, *(lowest + level for level in (foot, surface, body, highest)))
 
 
 def _samples(volume: NDArray[np.generic]) -> NDArray[np.float64]:

@@ -98,22 +98,34 @@ def losses_told() -> Iterator[None]:
 @contextmanager
 def _connected(distributed: Any, scheduler: str) -> Iterator[Any]:
     named = {"scheduler_file": scheduler} if Path(scheduler).is_file() else {"address": scheduler}
-    log = logging.getLogger("distributed")
-    before = log.level
-    # It would log how often it tried.
-    log.setLevel(logging.CRITICAL)
-    try:
-        client = distributed.Client(**named, timeout=CONNECT_SECONDS, set_as_default=False)
-    except Exception as error:
-        # Of addresses, files, sockets and versions, each with errors of its own.
-        raise OSError(
-            f"no Dask scheduler answers at {scheduler} ({' '.join(str(error).split())[:200]}): "
-            "check the address, and that `dask scheduler` runs there"
-        ) from error
-    finally:
-        log.setLevel(before)
-    with client:
-        yield client
+    with _silent():
+        try:
+            client = distributed.Client(**named, timeout=CONNECT_SECONDS, set_as_default=False)
+        except Exception as error:
+            # Of addresses, files, sockets and versions, each with errors of its own.
+            raise OSError(
+                f"no Dask scheduler answers at {scheduler} "
+                f"({' '.join(str(error).split())[:200]}): "
+                "check the address, and that `dask scheduler` runs there"
+            ) from error
+        with client:
+            yield client
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Have Dask log nothing: how often it tried to connect, tracebacks of a scheduler that is lost.
+
+    The run says in words what has become of it.
+    """
+    from distributed.utils import silence_logging_cmgr
+
+    # The client's log has a level and a handler of its own.
+    with (
+        silence_logging_cmgr(logging.CRITICAL),
+        silence_logging_cmgr(logging.CRITICAL, root="distributed.client"),
+    ):
+        yield
 
 
 @contextmanager

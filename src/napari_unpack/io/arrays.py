@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,9 @@ from napari_unpack.io.scan import (
     checked_volume_array,
 )
 from napari_unpack.read_errors import read_errors_told
+
+LAST_ROW = 65_535
+"""The largest ID up to which names have a row for every ID, as tables in memory do."""
 
 
 def read_npz(path: Path, large: bool = False) -> FileData:
@@ -70,15 +74,19 @@ def read_names(path: Path) -> dict[int, str] | None:
     Returns
     -------
     dict of int to str, or None
-        By ID, from an array `names` of text whose element k belongs to ID k; None where there
-        is no such array.
+        By ID, from an array `names` of text whose element k belongs to ID k, or from
+        `names_of_ids` with the IDs beside it in `named_ids`; None where there is neither.
     """
     with read_errors_told(path):
-        names = load_arrays(path, ("names",))[0].get("names")
-    # Other arrays called `names` are none of ours, and no reason to refuse the volume.
+        arrays, _ = load_arrays(path, ("names", "names_of_ids", "named_ids"))
+    names = arrays.get("names", arrays.get("names_of_ids"))
+    # Other arrays of these names are none of ours, and no reason to refuse the volume.
     if names is None or names.dtype.kind != "U" or names.ndim != 1:
         return None
-    return {i: str(name) for i, name in enumerate(names) if i and name}
+    ids = np.arange(len(names)) if "names" in arrays else arrays.get("named_ids")
+    if ids is None or ids.dtype.kind not in "ui" or ids.shape != names.shape:
+        return None
+    return {int(i): str(name) for i, name in zip(ids, names, strict=True) if i and name}
 
 
 def write_npz(path: Path, scan: Scan) -> None:
@@ -94,16 +102,26 @@ def write_npz(path: Path, scan: Scan) -> None:
     arrays: dict[str, NDArray[Any]] = {"volume": scan.volume, "spacing": np.asarray(scan.spacing)}
     if scan.labels is not None:
         arrays["labels"] = scan.labels
-    if scan.names:
-        # By position, so that a plain array of text needs no table of IDs beside it.
-        names = [scan.names.get(i, "") for i in range(max(scan.names) + 1)]
-        arrays["names"] = np.array(names, dtype=np.str_)
+    arrays |= _names_arrays(scan.names or {})
     if scan.assumed:
         arrays["assumed"] = np.array(scan.assumed, dtype=np.str_)
     if scan.scanner_from_scan is not None:
         arrays["scanner_from_scan"] = scan.scanner_from_scan
     with written_atomically(path) as temporary:
         np.savez_compressed(temporary, **arrays)  # type: ignore[arg-type]
+
+
+def _names_arrays(names: Mapping[int, str]) -> dict[str, NDArray[Any]]:
+    if not names:
+        return {}
+    if max(names) > LAST_ROW:
+        ids = sorted(names)
+        texts = np.array([names[i] for i in ids], dtype=np.str_)
+        # Not called `names`, which older versions would give to IDs 0, 1, 2 ...
+        return {"named_ids": np.array(ids, dtype=np.uint64), "names_of_ids": texts}
+    # By position, so that a plain array of text needs no table of IDs beside it.
+    rows = [names.get(i, "") for i in range(max(names) + 1)]
+    return {"names": np.array(rows, dtype=np.str_)}
 
 
 def write_labels_npz(path: Path, labels: NDArray[Any], spacing: Spacing) -> None:

@@ -8,7 +8,7 @@ const [view, live, stills] = ["view", "live", "stills"].map(id => document.getEl
 const [back, slider, next, whole, said] =
   ["back", "step", "next", "whole", "said"].map(id => document.getElementById(id));
 const canvas = live.querySelector("canvas");
-const rows = new Map([...document.querySelectorAll("tr[data-id]")].map(r => [+r.dataset.id, r]));
+const rows = new Map([...document.querySelectorAll("tr[data-id]")].map(r => [r.dataset.id, r]));
 const calm = matchMedia("(prefers-reduced-motion: reduce)");
 const gl = canvas.getContext("webgl2", { alpha: true, antialias: true, stencil: true });
 
@@ -356,6 +356,17 @@ function start() {
   goTo(bag.step);
 }
 
+// Scrolls the box of the table alone: scrollIntoView would scroll the page too, and the bag out of
+// a small window. There the box is as tall as the table, and nothing is scrolled.
+function scrollToRow(row) {
+  const box = row.closest(".wide");
+  const [outer, inner] = [box.getBoundingClientRect(), row.getBoundingClientRect()];
+  // The table's head stands before the rows.
+  const top = outer.top + box.querySelector("thead").offsetHeight;
+  if (inner.top < top) box.scrollTop -= top - inner.top;
+  else if (inner.bottom > outer.bottom) box.scrollTop += inner.bottom - outer.bottom;
+}
+
 function select(id, show = false) {
   selected = id;
   for (const [other, row] of rows) {
@@ -366,8 +377,7 @@ function select(id, show = false) {
   }
   const one = bag.objects.find(object => object.id === id);
   said.textContent = one ? `${one.name}: ID ${one.id}, leaves at step ${one.step}` : "";
-  // In its own scrolled box only: the page stays where it is.
-  if (show && one) rows.get(id).scrollIntoView({ block: "nearest" });
+  if (show && one) scrollToRow(rows.get(id));
   view.dispatchEvent(new Event("selected"));
 }
 

@@ -135,7 +135,7 @@ def save_interactive_page(
         raise ValueError("there is nothing to show: all objects are hidden")
     _unpack_all(shown, share.part(0.0, 0.2, "Finding the order"))
     camera = replace(fitted(shown), height=shown.slots.height_mm)
-    heights = _heights(shown, camera)
+    heights = _heights(shown)
     surfaces = _surfaces(shown, share.part(0.2, 0.8, "Finding surfaces"))
     stills = _stills(shown, camera, heights, share.part(0.8, 1.0, "Drawing pictures"), backend)
     page = _page(
@@ -154,7 +154,7 @@ def _unpack_all(shown: Session, share: Share) -> None:
             share(1 - packed_count(shown) / count)
 
 
-def _heights(shown: Session, camera: Camera) -> list[float]:
+def _heights(shown: Session) -> list[float]:
     """Return the camera's heights with 0, 1, 2... steps done: what is out is in view."""
     packed = packed_copy(shown)
     packed.canvas_size = WINDOW
@@ -208,7 +208,8 @@ def _data(
         paths = _paths(shown, camera, group)
         for i in group:
             color = np.clip(shown.solo_tints(i)[i, :3], 0, 1)
-            about = {"id": shown.label_of(i), "name": str(names[i]), "step": k}
+            # As text: a browser's numbers are floats, of which IDs above 2**53 would share one.
+            about = {"id": str(shown.label_of(i)), "name": str(names[i]), "step": k}
             shape = {**_encoded(surfaces[i]), "color": _short(color), "path": _short(paths[i])}
             objects.append(about | shape)
     return {

@@ -20,7 +20,7 @@ from napari_unpack.geometry.axes import Matrix
 from napari_unpack.io.file_data import SPACE, FileData
 from napari_unpack.io.itk_fields import HeaderFields, fields_of
 from napari_unpack.io.itk_header import stored_as
-from napari_unpack.io.nifti import check_nifti, refuse_nifti_2
+from napari_unpack.io.nifti import check_nifti, planes_not_finite, refuse_nifti_2
 from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import Spacing, checked_spacing, checked_volume_array
 from napari_unpack.io.volumes import suffix_of
@@ -83,6 +83,8 @@ def read_itk(path: Path, large: bool = False) -> FileData:
         raise ValueError(
             f"{path} must hold one number a voxel, got {image.GetNumberOfComponentsPerPixel()}"
         )
+    if nifti:
+        _put_back(sitk, image, path)
     # A fourth axis of length 1 is a time series of one, which many tools write. Where axes are
     # named, the name says which to drop.
     while fields.axes is None and image.GetDimension() > 3 and image.GetSize()[-1] == 1:
@@ -115,6 +117,17 @@ def read_itk(path: Path, large: bool = False) -> FileData:
     place = _place(turned, image.GetOrigin(), unit) if _at_right_angles(turned) else None
     spacing = checked_spacing([mm * unit for mm in image.GetSpacing()[::-1]], path)
     return FileData(array, spacing=spacing, assumed=assumed, scanner_from_scan=place)
+
+
+def _put_back(sitk: Any, image: Any, path: Path) -> None:
+    """Put NaN and infinity of a NIfTI file back into its image, plane by plane."""
+    size = image.GetSize()
+    for k, stored in planes_not_finite(path, size):
+        at = tuple(int(n) for n in np.unravel_index(k, size[2:], order="F"))
+        read = sitk.GetArrayFromImage(image[(slice(None), slice(None), *at)])
+        image[(slice(None), slice(None), *at)] = sitk.GetImageFromArray(
+            np.where(np.isfinite(stored), read, stored).astype(read.dtype)
+        )
 
 
 def _at_right_angles(turned: Matrix) -> bool:
@@ -182,7 +195,9 @@ def _check_written(sitk: Any, path: Path, array: NDArray[Any]) -> None:
             reader.SetExtractIndex((0, 0, plane))
             reader.SetExtractSize((columns, rows, 1))
             found = sitk.GetArrayFromImage(reader.Execute())[0]
-            equal = np.array_equal(found, array[plane], equal_nan=array.dtype.kind == "f")
+            # ITK reads NaN and infinity of NIfTI as 0.
+            known = np.isfinite(array[plane])
+            equal = np.array_equal(found[known], array[plane][known])
             whole = whole and found.dtype == array.dtype and equal
     except RuntimeError as error:
         raise OSError("it cannot be read back: is the disk full?") from error

@@ -101,13 +101,13 @@ class Fields:
             self._refuse(name, f"positive, from {1 / LARGEST:g}", value)
         return value
 
-    def rotation(self, name: str = "rotation") -> NDArray[np.float64]:
-        """Return a proper (3, 3) rotation."""
-        rotation = self.array(name, (3, 3))
+    def rotation(self) -> NDArray[np.float64]:
+        """Return "rotation", a proper (3, 3) one."""
+        rotation = self.array("rotation", (3, 3))
         # Rounding of saved floats is far below 1e-6; a mirror image is refused by its determinant.
         proper = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6)
         if not proper or np.linalg.det(rotation) < 0:
-            self._refuse(name, "a rotation", rotation.tolist())
+            self._refuse("rotation", "a rotation", rotation.tolist())
         return rotation
 
     def array(self, name: str, shape: tuple[int, ...]) -> NDArray[np.float64]:
@@ -147,6 +147,20 @@ class Fields:
         if not ours or len(set(values)) != len(values):
             self._refuse(name, "IDs of objects in the labels, each once", values)
         return tuple(values)
+
+    def given_ids(self, name: str) -> NDArray[np.int64]:
+        """Return IDs as labels were given with, exactly: no float holds all of them."""
+        values = self.items(name)
+        # Whole floats are of versions whose brush turned IDs of 64 bits into such.
+        if not all(
+            isinstance(i, int | float)
+            and not isinstance(i, bool)
+            and i % 1 == 0
+            and 0 <= i <= np.iinfo(np.int64).max
+            for i in values
+        ):
+            self._refuse(name, "IDs from 0 to below 2**63", values)
+        return np.array([int(i) for i in values], dtype=np.int64)
 
     def groups(self, name: str, known: frozenset[int]) -> tuple[tuple[int, ...], ...]:
         """Return lists of known object IDs, no ID twice in all of them.

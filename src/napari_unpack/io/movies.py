@@ -35,6 +35,9 @@ if TYPE_CHECKING:
 
 Frame = NDArray[np.uint8]
 FORMATS = (".mp4", ".gif", "")
+
+# GIF counts in hundredths of a second, and browsers show a frame of one hundredth for ten.
+MOST_GIF_FPS = 50
 """Suffixes of movies; a name without one is a folder of images."""
 
 
@@ -140,6 +143,8 @@ def _gif(
         _ffmpeg(share.part(0.0, 0.4), "-i", str(lossless), "-vf", "palettegen", str(colors))
         # No dithering: its pattern changes from frame to frame, and nothing would stand still.
         palette = "paletteuse=dither=none:diff_mode=rectangle"
+        if fps > MOST_GIF_FPS:
+            palette = f"fps={MOST_GIF_FPS},{palette}"
         films = ("-i", str(lossless), "-i", str(colors), "-lavfi", palette)
         _ffmpeg(share.part(0.4, 1.0), *films, "-f", "gif", str(path))
 
@@ -306,7 +311,7 @@ def movie(
     # H.264 stores colour at half the resolution, so edges are even.
     even = int(size[0]) // 2 * 2, int(size[1]) // 2 * 2
     least = min(even[0] / 2, even[1] / 2, fps, 1 if count is None else count)
-    if least < 1 or not (seconds > 0 and turn_seconds > 0):
+    if least < 1 or not (0 < seconds < np.inf and 0 < turn_seconds < np.inf):
         raise ValueError(
             f"count, size, fps and seconds must be positive, got {count!r}, {size!r}, {fps!r} and "
             f"{(seconds, turn_seconds)!r}"

@@ -1,4 +1,4 @@
-"""What ITK lets pass in NIfTI files: data that end too early, and voxel sizes that are none."""
+"""What ITK lets pass in NIfTI files: early ends, voxel sizes that are none, NaN and infinity."""
 
 from __future__ import annotations
 
@@ -6,7 +6,12 @@ import gzip
 import math
 import struct
 import zlib
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from napari_unpack.io.file_data import NO_UNIT
 
@@ -19,6 +24,9 @@ _HEADER_2 = 540
 # Where it says what its sizes are in; 1, 2 and 3 are metres, mm and micrometres.
 _UNITS = 123
 _LAST_UNIT = 3
+
+# How it calls floats of 32 and 64 bits.
+_FLOATS = {16: "f4", 64: "f8"}
 
 _CHUNK = 1 << 22
 
@@ -50,6 +58,47 @@ def _head(path: Path) -> bytes:
         raise ValueError(f"{path} is not a readable NIfTI file: {error}") from error
 
 
+def _order(head: bytes) -> str | None:
+    """Return the order of bytes as `struct` has it; None where it is no whole header."""
+    orders = {_HEADER.to_bytes(4, "little"): "<", _HEADER.to_bytes(4, "big"): ">"}
+    return orders.get(head[:4]) if len(head) == _HEADER else None
+
+
+def planes_not_finite(
+    path: Path, size: Sequence[int]
+) -> Iterator[tuple[int, NDArray[np.floating[Any]]]]:
+    """Yield every plane with NaN or infinity in it, which ITK turns into 0: its number and voxels.
+
+    Parameters
+    ----------
+    path : Path
+        As `check_nifti` passed it.
+    size : sequence of int
+        Voxels along each axis, the fastest first.
+
+    Yields
+    ------
+    k : int
+        How many planes come before it.
+    plane : (Y, X) ndarray of float
+        As stored, and turned over where the file's slope is negative.
+    """
+    head = _head(path)
+    order = _order(head)
+    stored = _FLOATS.get(struct.unpack_from(f"{order}h", head, 70)[0]) if order else None
+    if stored is None:
+        return
+    offset, slope = struct.unpack_from(f"{order}2f", head, 108)
+    dtype, (columns, rows) = np.dtype(f"{order}{stored}"), size[:2]
+    with gzip.open(path) if _packed(path) else path.open("rb") as stream:
+        stream.seek(max(int(offset), _HEADER))
+        for k in range(math.prod(size[2:])):
+            data = stream.read(columns * rows * dtype.itemsize)
+            plane = np.frombuffer(data, dtype).reshape(rows, columns)
+            if not np.isfinite(plane).all():
+                yield k, -plane if slope < 0 else plane
+
+
 def check_nifti(path: Path) -> tuple[str, ...]:
     """Check that a NIfTI file is as long as its header says; return what is assumed of it.
 
@@ -62,10 +111,9 @@ def check_nifti(path: Path) -> tuple[str, ...]:
         If it is shorter, or does not say where its voxels begin.
     """
     packed, head = _packed(path), _head(path)
-    orders = {_HEADER.to_bytes(4, "little"): "<", _HEADER.to_bytes(4, "big"): ">"}
-    order = orders.get(head[:4])
+    order = _order(head)
     # ITK says what else it is.
-    if order is None or len(head) < _HEADER:
+    if order is None:
         return ()
     dims = struct.unpack_from(f"{order}8h", head, 40)
     bits = struct.unpack_from(f"{order}h", head, 72)[0]

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.appearance import Background, Decorations, TransferFunction, golden_hue
 from napari_unpack.appearance.tints import Mode, Rgba
-from napari_unpack.geometry.axes import checked_spacing, unit
+from napari_unpack.geometry.axes import checked_spacing, triple, unit
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.length_unit import MM, LengthUnit
 from napari_unpack.geometry.relabeling import compact_labels
@@ -89,7 +89,7 @@ def label_data_from(
     if not fields.has("given_ids"):
         own, given_ids = checked_labels(labels, volume.shape)
     else:
-        given_ids = fields.array("given_ids", (len(fields.items("given_ids")),)).astype(np.int64)
+        given_ids = fields.given_ids("given_ids")
         # IDs must come out as they were, so labels are not numbered anew.
         compact, present = compact_labels(np.asarray(labels))
         order = np.argsort(given_ids, kind="stable")
@@ -382,10 +382,7 @@ def _read_undone(
 
 
 def _read_queue(fields: Fields, rules: UnpackingRules, known: frozenset[int]) -> Queue:
-    direction = None
-    if fields.has("direction"):
-        z, y, x = (float(v) for v in fields.array("direction", (3,)))
-        direction = z, y, x
+    direction = triple(fields.array("direction", (3,))) if fields.has("direction") else None
     return Queue(
         fields.groups("groups", known),
         direction,
@@ -402,8 +399,7 @@ def _read_direction(fields: Fields) -> str | tuple[float, float, float] | None:
         return None
     if isinstance(fields["direction"], str):
         return fields.text("direction", ("up",))
-    z, y, x = (float(v) for v in fields.array("direction", (3,)))
-    return z, y, x
+    return triple(fields.array("direction", (3,)))
 
 
 def decorations_record(around: Decorations) -> dict[str, Any]:
@@ -501,15 +497,12 @@ def view_record(view: View) -> dict[str, Any]:
 def view_from(fields: Fields) -> View:
     """Make the view a record was made of."""
 
-    def triple(name: str) -> tuple[float, float, float] | None:
-        if not fields.has(name):
-            return None
-        z, y, x = (float(v) for v in fields.array(name, (3,)))
-        return z, y, x
+    def vector(name: str) -> tuple[float, float, float] | None:
+        return triple(fields.array(name, (3,))) if fields.has(name) else None
 
     height = fields.positive("height") if fields.has("height") else None
-    direction = triple("direction") or (0.0, 0.0, 1.0)
-    return View(direction, triple("up"), triple("center"), height, _angle(fields))
+    direction = vector("direction") or (0.0, 0.0, 1.0)
+    return View(direction, vector("up"), vector("center"), height, _angle(fields))
 
 
 def _stretch(fields: Fields) -> NDArray[np.float64]:

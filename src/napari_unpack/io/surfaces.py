@@ -123,7 +123,8 @@ def save_surfaces(
     """
     target, report = checked_surfaces_path(path), progress or no_progress
     needed("trimesh", "trimesh", "writing surfaces")
-    wanted = list(session.ids) if ids is None else [int(i) for i in ids]
+    # Each once, however often it is named: two surfaces in one place are no solid.
+    wanted = list(dict.fromkeys(session.ids if ids is None else map(int, ids)))
     strange = [i for i in wanted if i not in session.states]
     if strange or not wanted:
         raise ValueError(f"ids must be objects of the session, got {strange or wanted}")

@@ -200,4 +200,6 @@ def number_cell(value: Any, words: str) -> str:
         What is shown.
     """
     known = value is not None and math.isfinite(value)
-    return f'<td class="n" data-value="{format(value, ".9g") if known else ""}">{words}</td>'
+    # IDs may be long, and are all digits.
+    told = format(value, "d" if isinstance(value, int) else ".9g") if known else ""
+    return f'<td class="n" data-value="{told}">{words}</td>'

@@ -225,6 +225,8 @@ def _has_dicom_preamble(file: Path) -> bool:
 
 
 def _write(file: Path, array: NDArray[Any], scan: Scan) -> None:
+    # These formats have no type for masks.
+    array = array.view(np.uint8) if array.dtype.kind == "b" else array
     if suffix_of(file) in TIFF_SUFFIXES:
         from napari_unpack.io.tiff import write_tiff
 

@@ -18,7 +18,7 @@ MOST_PLANES = 8
 
 
 def checked_volume(volume: ArrayLike) -> NDArray[Any]:
-    """Return a volume one can look into.
+    """Return a volume one can look into; a mask is one of 0 and 1.
 
     Raises
     ------
@@ -32,8 +32,10 @@ def checked_volume(volume: ArrayLike) -> NDArray[Any]:
         raise ValueError(f"volume must be 3D (Z, Y, X), got shape {array.shape}")
     if array.size == 0:
         raise ValueError(f"volume must not be empty, got shape {array.shape}")
-    if array.dtype.kind not in "uif":
+    if array.dtype.kind not in "biuf":
         raise TypeError(f"volume must hold real numbers, got {array.dtype}")
+    if array.dtype.kind == "b":
+        return array.view(np.uint8)
     if array.dtype.kind == "f" and not np.isfinite(array).any():
         raise ValueError("volume must hold finite densities, got NaN or infinity everywhere")
     return array
