@@ -201,6 +201,30 @@ def test_a_label_below_zero_is_refused_by_its_number(factor: int) -> None:
         s.label_editor.paint_task(painted).run(no_progress)
 
 
+@pytest.mark.parametrize("dtype", [np.uint64, ">u8", np.int64])
+def test_a_brush_tells_ids_apart_that_no_float_does(dtype: str) -> None:
+    volume, labels = dumbbell()
+    huge = 720575940612453042
+    painted = np.array([0, huge, huge + 1, huge + 2], dtype)[labels]
+    s = Session(volume, painted)
+    painted[15, 2:4, 30:34] = huge + 1
+    painted[0, 0, :5] = huge + 3
+    assert s.label_editor.apply(s.label_editor.paint_task(painted).run(no_progress))
+    known = [0, *map(s.label_of, s.ids)]
+    assert known == [0, huge, huge + 1, huge + 2, huge + 3]
+    assert np.array_equal(np.array(known, dtype)[s.labels], painted)
+    assert_consistent(s)
+
+
+def test_a_label_above_all_that_tables_hold_is_refused_by_its_number() -> None:
+    volume, labels = dumbbell()
+    painted = labels.astype(np.uint64) * np.uint64(100_000)
+    s = Session(volume, painted)
+    painted[0, 0, :5] = 2**63
+    with pytest.raises(ValueError, match=f"got {2**63}"):
+        s.label_editor.paint_task(painted).run(no_progress)
+
+
 def test_ids_above_65535_keep_the_names_people_know() -> None:
     volume, labels = dumbbell()
     s = Session(volume, labels.astype(np.int64) * 100_000)

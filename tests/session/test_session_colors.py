@@ -267,6 +267,14 @@ def test_bad_input_is_refused_with_a_sentence(arguments, error, said):
         Session(*arguments)
 
 
+def test_a_mask_is_a_volume_of_0_and_1_and_not_copied():
+    mask = LABELS > 1
+    session = Session(mask, LABELS)
+    assert session.volume.dtype == np.uint8
+    assert np.array_equal(session.volume, mask)
+    assert np.shares_memory(session.volume, mask)
+
+
 def test_labels_of_any_integer_dtype_become_uint16_and_grow_for_display():
     session = Session(VOLUME, LABELS.astype(np.int64))
     assert session.labels.dtype == np.uint16

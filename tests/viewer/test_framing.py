@@ -17,6 +17,7 @@ from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.boxes import box_corners
 from napari_unpack.geometry.standard_views import Side, upright
 from napari_unpack.layers import compat
+from napari_unpack.layers.view_camera import same_camera
 from napari_unpack.session import ObjectState, Session
 from napari_unpack.viewer.controller import SessionController
 from opened_panel import at_rest
@@ -209,6 +210,113 @@ def test_a_persons_own_zoom_is_never_changed(window: Window) -> None:
     window.rest()
     assert window.viewer.scene.camera.zoom != pytest.approx(zoom)
     assert window.outside() == []
+
+
+@pytest.mark.parametrize("glides", [True, False])
+def test_a_side_chosen_in_slices_is_seen_when_the_bag_comes_back(
+    window: Window, glides: bool
+) -> None:
+    dims, camera = window.viewer.dims, window.viewer.scene.camera
+    window.controller.fade.allowed = glides
+    window.controller.look_from_side(Side.TOP)
+    window.rest()
+    wanted = window.view()
+    window.controller.look_from_side(Side.FRONT)
+    window.rest()
+    assert window.view() != pytest.approx(wanted, abs=1.0)
+    dims.ndisplay = 2
+    window.rest()
+    slices = camera.zoom, camera.center
+    window.controller.look_from_side(Side.LEFT)
+    window.controller.look_from_side(Side.TOP)
+    window.rest()
+    # Slices stay where they are, and 3D where it was.
+    assert (camera.zoom, camera.center) == slices
+    dims.set_current_step(0, 3)
+    dims.ndisplay = 3
+    window.rest()
+    assert window.view() == pytest.approx(wanted, rel=1e-3, abs=0.05)
+    window.unpack(4)
+    assert window.outside() == []
+
+
+@pytest.fixture
+def measured(make_napari_viewer_proxy: Any, bag: Any, qtbot: Any) -> Any:
+    """Return a window with the phantom on a layer in millimetres."""
+    viewer = make_napari_viewer_proxy(show=True)
+    viewer.window.resize(760, 560)
+    session = Session(*bag, spacing=(1.5, 1.5, 1.5))
+    image = viewer.add_image(bag[0], scale=(1.5,) * 3, units=("mm",) * 3)
+    controller = SessionController(viewer, session, [image])
+    controller.seconds = 0.1
+    controller.open()
+    yield Window(viewer, controller, qtbot)
+    controller.close()
+
+
+def small_layer(viewer: Any) -> Any:
+    """Add a layer in micrometres, in which napari draws everything from then on."""
+    cells = np.zeros((8, 8, 8), np.uint8)
+    return viewer.add_image(cells, scale=(1, 0.5, 0.5), units=("um",) * 3, visible=False)
+
+
+def test_the_bag_stays_in_place_when_finer_units_come_and_go(measured: Window) -> None:
+    viewer, controller, session = measured.viewer, measured.controller, measured.session
+    measured.unpack(2)
+    measured.wheel(-1)
+    seen = controller.frame
+    picture = canvas(viewer)
+
+    def nothing_has_moved() -> None:
+        measured.rest()
+        assert same_camera(controller.packed.frame_now().camera, seen.camera)
+        assert np.abs(canvas(viewer) - picture).max() < 12
+
+    for _ in range(2):
+        small = small_layer(viewer)
+        nothing_has_moved()
+        viewer.layers.remove(small)
+        nothing_has_moved()
+    # In slices it comes and goes as well.
+    viewer.dims.ndisplay = 2
+    small = small_layer(viewer)
+    viewer.dims.ndisplay = 3
+    nothing_has_moved()
+    viewer.dims.ndisplay = 2
+    viewer.layers.remove(small)
+    viewer.dims.ndisplay = 3
+    nothing_has_moved()
+    # Fitted, it still makes room.
+    controller.framing.fit()
+    measured.rest()
+    small_layer(viewer)
+    measured.unpack(3)
+    assert measured.outside() == []
+    assert len(session.poses) == 5
+
+
+def test_the_way_back_from_an_inspection_holds_in_finer_units(measured: Window) -> None:
+    viewer, controller = measured.viewer, measured.controller
+    measured.unpack(1)
+    before = controller.frame
+    packed = next(i for i, state in measured.session.states.items() if state is ObjectState.PACKED)
+    controller.inspect(packed)
+    measured.rest()
+    near = controller.frame
+    small = small_layer(viewer)
+    measured.rest()
+    assert same_camera(controller.packed.frame_now().camera, near.camera)
+    assert measured.session.states[packed] is ObjectState.INSPECTED
+    controller.leave()
+    measured.qtbot.waitUntil(
+        lambda: measured.session.states[packed] is ObjectState.PACKED, timeout=20000
+    )
+    measured.rest()
+    assert same_camera(controller.packed.frame_now().camera, before.camera)
+    viewer.layers.remove(small)
+    measured.rest()
+    assert same_camera(controller.packed.frame_now().camera, before.camera)
+    assert controller.framing.is_fit
 
 
 def test_a_window_of_another_shape_is_laid_out_anew(window: Window) -> None:

@@ -120,6 +120,22 @@ def native_window(viewer: napari.Viewer) -> QMainWindow | None:
     return getattr(window, "_qt_window", None)
 
 
+def draw_in_units(viewer: napari.Viewer, layer: Layer, units: Sequence[Any] | None) -> None:
+    """Have a layer's visual stand in napari's world now: by itself it waits for the next draw.
+
+    Parameters
+    ----------
+    viewer : napari.Viewer
+    layer : napari layer
+    units : sequence of pint.Unit or None
+        Of napari's world; None where those of its layers clash.
+    """
+    qt_viewer: Any = getattr(getattr(unwrap(viewer), "window", None), "_qt_viewer", None)
+    # Other versions of napari keep units elsewhere; the next draw then sets all right.
+    with suppress(AttributeError, KeyError):
+        qt_viewer.canvas.layer_to_visual[layer].world_units = units
+
+
 def is_shown(viewer: napari.Viewer) -> bool:
     """Return whether a viewer's canvas can be seen: not before it is shown, nor while it closes."""
     native = getattr(native_canvas(viewer), "native", None)

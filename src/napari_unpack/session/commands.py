@@ -15,7 +15,7 @@ from napari_unpack.session.labels import Edit, origin_of
 from napari_unpack.session.measurements import Measurement, SurfacePoint
 from napari_unpack.session.occlusion import NextUnpackable, OcclusionResult
 from napari_unpack.session.state import Group, Placement, SessionState
-from napari_unpack.unpacking import Queue
+from napari_unpack.unpacking import Queue, Slots
 
 T = TypeVar("T")
 
@@ -75,14 +75,11 @@ class RemovalPlan:
 Hold = Callable[[int, int, Group, Vector], Placement]
 """Given an object, its slot, its group and D, chooses how the object is held."""
 
+Plan = Callable[[Mapping[int, Placement]], Slots]
+"""Given what is out, returns the slots."""
 
-def remove(
-    state: SessionState,
-    plan: RemovalPlan,
-    hold: Hold,
-    slots: int,
-    covered: Collection[int] = frozenset(),
-) -> SessionState:
+
+def remove(state: SessionState, plan: RemovalPlan, hold: Hold, slots: int) -> SessionState:
     """Take objects out of the bag.
 
     Parameters
@@ -94,23 +91,59 @@ def remove(
         Given an object, its slot, its group and D, returns its placement.
     slots : int
         How many slots there are; objects take the first that are empty.
-    covered : collection of int, optional
-        Slots that lie beneath what a person has moved; they are taken last.
     """
     placements = dict(state.placements)
     # First empty slots, those before counted: going again ends in the same places.
     for removal in plan.removals:
         taken = {placement.slot for placement in placements.values()}
-        empty = (
-            k
-            for beneath in (False, True)
-            for k in range(slots)
-            if k not in taken and (k in covered) == beneath
-        )
+        empty = (k for k in range(slots) if k not in taken)
         for object_id, slot in zip(removal.group, empty, strict=False):
             placements[object_id] = hold(object_id, slot, removal.group, removal.direction)
     # Removals taken back before would not follow on these.
     return replace(state, placements=placements, queue=plan.queue, undone=())
+
+
+def seated(
+    state: SessionState, before: SessionState, plan: Plan, stretch: Matrix, most: int
+) -> SessionState:
+    """Keep objects out from beneath what a person has moved, as far as there are slots.
+
+    Those that come out go on to the next empty slot that is clear of it; where slots are planned
+    anew and all are elsewhere, so does who is out already. Others stay where they are.
+
+    Parameters
+    ----------
+    state, before : SessionState
+        After a command and before it.
+    plan : callable
+        Given placements, returns the slots that are planned for them.
+    stretch : (3, 3) ndarray of float64
+        How the bag is stretched (`Camera.stretch`).
+    most : int
+        How many slots there can be.
+    """
+    placements, planned = dict(state.placements), len(plan(before.placements).centers)
+    loose = [i for i in placements if i not in before.placements]
+    # What has been taken back is to find its slot empty.
+    ahead = {at.slot for removal in state.undone for at in removal.values()}
+    while True:
+        slots = plan(placements)
+        if len(slots.centers) != planned:
+            loose, planned = list(placements), len(slots.centers)
+        covered = frozenset().union(*(at.beneath(slots, stretch) for at in placements.values()))
+        for i in loose:
+            own = placements[i].slot
+            if placements[i].placed is None and own in covered:
+                full = covered | ahead | {at.slot for at in placements.values()}
+                onward = (*range(own + 1, most), *range(own))
+                slot = next((k for k in onward if k not in full), own)
+                placements[i] = replace(placements[i], slot=slot)
+        # A slot beyond those planned has them planned for more, and each lies elsewhere again.
+        if len(plan(placements).centers) <= planned:
+            break
+    if all(placements[i].slot == at.slot for i, at in state.placements.items()):
+        return state
+    return replace(state, placements=placements)
 
 
 def returning(state: SessionState, wanted: Iterable[int]) -> Group:

@@ -128,6 +128,8 @@ class Document:
         data : LabelData, optional
             The labels then, where they are another's.
         """
+        most, stretch = self.label_data.most_objects, self.view_state.camera.stretch
+        new = commands.seated(new, self.state, self.queries.slots, stretch, most)
         # Inspecting an object is no part of a step: like turning the bag it changes nothing.
         before, after = (commands.inspect(state, None) for state in (self.state, new))
         # Before entering: those who hear of the change ask what can be undone.
@@ -221,12 +223,7 @@ class Document:
             event = "query run" if asked else "queue reuse"
             self.log.append(LogEntry(event, removal.group, removal.packed, removal.ratio, seconds))
         hold = partial(self.bag.placement, self.view_state.camera)
-        # As they are planned once these are out: there may be more of them then.
-        slots = self.queries.slots(len(state.placements) + len(plan.ids))
-        stretch = self.view_state.camera.stretch
-        over = (placement.beneath(slots, stretch) for placement in state.placements.values())
-        covered: frozenset[int] = frozenset().union(*over)
-        return commands.remove(state, plan, hold, self.label_data.most_objects, covered)
+        return commands.remove(state, plan, hold, self.label_data.most_objects)
 
     def removed_next(self, count: int, state: SessionState) -> SessionState:
         """Return a state after the next to leave have left.

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.camera_glide import CameraGlide
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers import compat
 from napari_unpack.layers.packed_layer import PackedLayer
+from napari_unpack.layers.placement import scene_from_world, units_of
 from napari_unpack.rendering.compose import SHARE_OF_VIEW
 from napari_unpack.session.framing import alike, contained, fitted
 from napari_unpack.viewer.camera_sync import point_camera
@@ -82,7 +84,10 @@ class Framing:
         # How a saved session was looked at, until something else moves the camera.
         self._given: _Given | None = None
         self._size = (0, 0)
-        self._axes = layer.axis_order
+        self._axes, self._units = layer.axis_order, units_of(viewer)
+        # Whether slices are looked at, and the side chosen meanwhile.
+        self._sliced = False
+        self._side: NDArray[np.float64] | None = None
         self._before: _Before | None = None
         # By the session's clock: a film that steps it glides along.
         self.animation = scheduler.animate(self._tick, lambda: session.clock())
@@ -98,15 +103,17 @@ class Framing:
         return self._fit is not None and self._fit is self._target and self._untouched()
 
     def open(self) -> None:
-        """Follow napari's Home button and its order of axes from now on."""
-        self._axes = self._layer.axis_order
+        """Follow napari's Home button, its order of axes and its units from now on."""
+        self._axes, self._units = self._layer.axis_order, units_of(self._viewer)
         self._viewer.events.reset_view.connect(self._follow_home)
-        self._viewer.dims.events.ndisplay.connect(self._follow_axes)
+        self._viewer.dims.events.ndisplay.connect(self._follow_dims)
+        self._viewer.dims.events.units.connect(self._follow_dims)
 
     def close(self) -> None:
         """Move the camera no more."""
         self._viewer.events.reset_view.disconnect(self._follow_home)
-        self._viewer.dims.events.ndisplay.disconnect(self._follow_axes)
+        self._viewer.dims.events.ndisplay.disconnect(self._follow_dims)
+        self._viewer.dims.events.units.disconnect(self._follow_dims)
         self._scheduler.forget(self._follow)
         self._stop()
 
@@ -120,7 +127,7 @@ class Framing:
         camera : Camera, optional
             Which way to look; by default as now.
         """
-        self._measure()
+        self._session.canvas_size = self._size = _pixels(self._viewer)
         self._go_fit(self._fitted(camera or self._seen), glides)
 
     def look_from(self, camera: Camera, window: tuple[int, int] | None = None) -> None:
@@ -132,7 +139,7 @@ class Framing:
         window : (int, int), optional
             Height and width of the window in which it looked so: all that showed there shows.
         """
-        self._measure()
+        self._session.canvas_size = self._size = _pixels(self._viewer)
         # As saved by a person who saw it fitted: room is then made for what comes out.
         whole = self._fitted(camera)
         self._look_given(camera, self._size if window is None else window)
@@ -141,11 +148,16 @@ class Framing:
     def turn_to(self, rotation: np.ndarray) -> None:
         """Look from another side; what a person has zoomed to stays as near.
 
+        A slice has no sides: from 2D it is done when the bag comes back.
+
         Parameters
         ----------
         rotation : (3, 3) ndarray of float64
             From (stretched) world axes to pivot axes.
         """
+        if self._viewer.dims.ndisplay != 3:
+            self._side = rotation
+            return
         turned = replace(self._seen, rotation=rotation)
         if self.is_fit:
             self._go_fit(self._fitted(turned))
@@ -206,7 +218,7 @@ class Framing:
         target = self._fit if self.is_fit else None
         self._before = _Before(SavedView.of(self._viewer.scene.camera), self._seen, target)
         if object_id not in self._session.state.placements:
-            self._go(self._near(object_id))
+            self._go(_near(self._session, self._seen, object_id))
 
     def leave_inspection(self) -> None:
         """Glide back, while the object goes back."""
@@ -255,22 +267,10 @@ class Framing:
         grown = frame.size[0] / self._size[0]
         return alike(frame.camera, replace(self._set, height=self._set.height * grown))
 
-    def _measure(self) -> None:
-        # Slots of sprites are planned for device pixels; napari counts logical ones.
-        height, width = self._viewer.canvas.size
-        pixels = compat.pixel_scale(self._viewer)
-        size = max(1, round(height * pixels)), max(1, round(width * pixels))
-        self._session.canvas_size = self._size = size
-
-    def _near(self, object_id: int) -> Camera:
-        """Return the camera that an object fills where it lies."""
-        session, seen = self._session, self._seen
-        spacing, (rows, cols) = session.spacing, session.canvas_size
-        diameter = 2 * session.boxes.radius(object_id, spacing, seen.stretch)
-        height = diameter / SHARE_OF_VIEW / min(1.0, cols / rows)
-        return replace(seen, center=session.boxes.center(object_id, spacing), height=height)
-
     def _follow(self) -> None:
+        if self._side is not None and self._viewer.dims.ndisplay == 3:
+            side, self._side = self._side, None
+            self.turn_to(side)
         session = self._session
         resized = session.canvas_size != self._size
         given = self._given
@@ -289,13 +289,37 @@ class Framing:
         if resized or not alike(wanted, self._fit):
             self._go_fit(replace(wanted, rotation=self._seen.rotation), glides=not resized)
 
-    def _follow_axes(self, _event: Any = None) -> bool:
+    def _follow_dims(self, _event: Any = None) -> None:
+        self._follow_units()
+        was_sliced, self._sliced = self._sliced, self._viewer.dims.ndisplay != 3
+        if self._follow_axes() or self._sliced or not was_sliced:
+            return
+        # napari looks at the slice: from another side the bag would stand beside the middle.
+        scene, camera = scene_from_world(self._layer, self._units), self._viewer.scene.camera
+        depth = transform_points(scene, self._session.camera.center)[0]
+        camera.center = (float(depth), *camera.center[-2:])
+        self.follow()
+
+    def _follow_units(self) -> None:
+        """Have all stay where it is seen where napari's world has other units."""
+        units, camera = units_of(self._viewer), self._viewer.scene.camera
+        if units == self._units:
+            return
+        before, now = (scene_from_world(self._layer, each) for each in (self._units, units))
+        moved, self._units = now @ np.linalg.inv(before), units
+        compat.draw_in_units(self._viewer, self._layer, units)
+        # napari's camera keeps its numbers, which mean another place and size from here on.
+        SavedView.of(camera).moved(moved).give_back(camera)
+        if self._before is not None:
+            self._before = replace(self._before, view=self._before.view.moved(moved))
+
+    def _follow_axes(self) -> bool:
         """Bring all into view where napari has ordered its axes anew, and return whether it has."""
         axes = self._layer.axis_order
         if self._viewer.dims.ndisplay != 3 or axes == self._axes:
             return False
         # napari keeps its angles and turns what is seen: no view of before leads anywhere.
-        self._axes, self._before = axes, None
+        self._axes, self._before, self._side = axes, None, None
         self.fit(glides=False)
         return True
 
@@ -320,7 +344,8 @@ class Framing:
         inspected = self._session.state.inspected
         if self._before is not None and inspected is not None:
             packed = inspected not in self._session.state.placements
-            self._go(self._near(inspected) if packed else self._before.seen, origin=origin)
+            near = _near(self._session, self._seen, inspected)
+            self._go(near if packed else self._before.seen, origin=origin)
             return
         self._fit = camera
         self._go(camera, glides, origin)
@@ -357,3 +382,19 @@ class Framing:
     def _stop(self) -> None:
         self._glide = None
         self.animation.stop()
+
+
+def _pixels(viewer: napari.Viewer) -> tuple[int, int]:
+    """Return height and width of a viewer's canvas."""
+    # Slots of sprites are planned for device pixels; napari counts logical ones.
+    height, width = viewer.canvas.size
+    pixels = compat.pixel_scale(viewer)
+    return max(1, round(height * pixels)), max(1, round(width * pixels))
+
+
+def _near(session: Session, seen: Camera, object_id: int) -> Camera:
+    """Return the camera that an object fills where it lies, seen as now."""
+    spacing, (rows, cols) = session.spacing, session.canvas_size
+    diameter = 2 * session.boxes.radius(object_id, spacing, seen.stretch)
+    height = diameter / SHARE_OF_VIEW / min(1.0, cols / rows)
+    return replace(seen, center=session.boxes.center(object_id, spacing), height=height)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from napari.layers import Image, Labels, Layer
+
+from napari_unpack.geometry.axes import Matrix, transform_points
 
 if TYPE_CHECKING:
     import napari
@@ -98,6 +101,19 @@ class SavedView:
     def of(cls, camera: Camera) -> SavedView:
         """Return how a camera looks now."""
         return cls(camera.center, camera.zoom, camera.angles, camera.perspective)
+
+    def moved(self, new_from_old: Matrix) -> SavedView:
+        """Return what shows the same where all has moved and grown.
+
+        Parameters
+        ----------
+        new_from_old : (4, 4) ndarray of float64
+            Of points as napari's camera has them.
+        """
+        center = transform_points(new_from_old, np.array([0.0, *self.center])[-3:])
+        grown = abs(float(np.linalg.det(new_from_old[:3, :3]))) ** (1 / 3)
+        z, y, x = center.tolist()
+        return replace(self, center=(z, y, x), zoom=self.zoom / grown)
 
     def give_back(self, camera: Camera, perspective: bool = True) -> None:
         """Have a camera look so again.
