@@ -12,9 +12,9 @@ from qtpy.QtGui import QFont, QFontMetrics
 
 from napari_unpack.geometry.length_unit import MM
 from napari_unpack.session import ObjectState
-from napari_unpack.widgets.object_columns import Column
+from napari_unpack.widgets.object_columns import MARKS, Column
 from napari_unpack.widgets.object_model import ID, ObjectModel
-from napari_unpack.widgets.object_table import ObjectTable
+from napari_unpack.widgets.object_table import PADDING, SMALLER, ObjectTable
 
 DISPLAY = Qt.ItemDataRole.DisplayRole
 
@@ -240,31 +240,61 @@ def test_columns_show_where_there_is_room_and_confidence_first(table: ObjectTabl
     assert not table.horizontalScrollBar().isVisible()
 
 
-def test_default_names_are_whole_in_the_narrow_panel(
+def test_names_and_states_are_whole_in_the_narrow_panel(
     table: ObjectTable, session: SimpleNamespace, qtbot: QtBot
 ) -> None:
     # The panel's own width, less its margins and two bars to scroll.
     table.resize(274, 240)
     session.queries.unpackable_groups = lambda: ((3, 5),)
     table.objects.refresh(unpackable={3, 5})
-    needed = table.fontMetrics().horizontalAdvance("Object 100") + 15
-    assert table.columnWidth(Column.NAME) >= needed
+    assert not table.isColumnHidden(Column.CONFIDENCE)
+    advance = table.fontMetrics().horizontalAdvance
+    # The state stands beneath the name, and smaller.
+    needed = [advance("Object 12, part"), *(SMALLER * advance(mark) for mark in MARKS)]
+    assert table.columnWidth(Column.NAME) >= max(needed) + PADDING
     assert not table.horizontalScrollBar().isVisible()
     # Where the state has a column, what can leave is written bold.
     bold = QFont(table.font())
     bold.setBold(True)
-    needed = QFontMetrics(bold).horizontalAdvance("leaves together") + 15
     table.resize(420, 240)
     assert not table.isColumnHidden(Column.STATE)
-    assert table.columnWidth(Column.STATE) >= needed
+    for mark in MARKS:
+        width = QFontMetrics(bold).horizontalAdvance(mark) + PADDING
+        assert table.columnWidth(Column.STATE) >= width
     assert not table.horizontalScrollBar().isVisible()
 
 
-def test_long_names_keep_the_number_at_their_end(table: ObjectTable) -> None:
-    names = [f"Object 10, part {k}" for k in (1, 2)]
-    width = table.fontMetrics().horizontalAdvance(names[0]) - 20
-    shown = {table.fontMetrics().elidedText(n, table.textElideMode(), width) for n in names}
-    assert len(shown) == 2
+@pytest.mark.parametrize("width", [274, 420])
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("Object 1, part", "Object 12, part"),
+        ("Object 1, part, part, part of it", "Object 12, part, part, part of it"),
+        ("Brown shoe of the left foot 1", "Brown shoe of the left foot 2"),
+    ],
+)
+def test_names_that_are_cut_short_are_told_apart(
+    table: ObjectTable, session: SimpleNamespace, names: tuple[str, str], width: int
+) -> None:
+    session.objects["name"] = [*names, "Shoe"]
+    table.objects.load(session)
+    table.resize(width, 240)
+    shown = table.viewport().grab().toImage()
+    scale = shown.devicePixelRatio()
+    rows = [_shown(table, Column.NAME).index(name) for name in names]
+    cells = [table.visualRect(table.rows.index(row, Column.NAME)) for row in rows]
+    first, second = (
+        shown.copy(*(round(scale * v) for v in (c.x(), c.y(), c.width(), c.height())))
+        for c in cells
+    )
+    assert first != second
+
+
+def test_what_blocks_an_object_is_told_from_its_beginning_on(table: ObjectTable) -> None:
+    table.resize(1400, 240)
+    needed = table.fontMetrics().horizontalAdvance("Objects 10, 11, 12 and 9 others") + PADDING
+    assert table.columnWidth(Column.BLOCKERS) >= needed
+    assert table.textElideMode() == Qt.TextElideMode.ElideRight
 
 
 def test_confidence_nobody_knows_takes_no_room(

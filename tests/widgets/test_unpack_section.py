@@ -9,9 +9,10 @@ from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
 from qtpy.QtTest import QTest
 
-from mouse import move
+from mouse import drag, move
 from napari_unpack.demo import await_unpackable
 from napari_unpack.geometry.view import Camera
+from napari_unpack.layers import compat
 from napari_unpack.widgets.directions import words_of
 from napari_unpack.widgets.object_columns import Column
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
@@ -162,6 +163,31 @@ def test_inspect_is_also_the_way_back(panel: UnpackingWidget, piled: Any, qtbot:
     qtbot.waitUntil(lambda: panel.unpack.inspect.text() == "Back to the bag", timeout=20000)
     assert panel.unpack.status == "5 in, 1 out"
     assert panel.unpack.step_slider.slider.maximum() == steps
+
+
+def test_play_is_offered_only_where_it_plays(
+    panel: UnpackingWidget, piled: Any, qtbot: QtBot
+) -> None:
+    play = panel.unpack.step_slider.play
+    assert play.isEnabled()
+    panel.commands.inspect(next(iter(states(piled))))
+    qtbot.waitUntil(lambda: not play.isEnabled(), timeout=20000)
+    assert panel.unpack.step_slider.slider.isEnabled()
+    press(qtbot, panel.unpack.inspect)
+    qtbot.waitUntil(play.isEnabled, timeout=20000)
+
+
+def test_an_arrow_is_drawn_in_3d_also_by_who_looks_at_slices(
+    viewer: Any, panel: UnpackingWidget, piled: Any, qtbot: QtBot
+) -> None:
+    viewer.dims.ndisplay = 2
+    press(qtbot, panel.unpack.draw)
+    assert viewer.dims.ndisplay == 3
+    assert piled.direction is None
+    canvas = compat.native_canvas(viewer).native
+    drag(canvas, QPoint(200, 200), QPoint(90, 0), qtbot)
+    qtbot.waitUntil(lambda: not panel.unpack.draw.isChecked(), timeout=10000)
+    assert piled.direction is not None
 
 
 def test_restore_all_brings_everything_back(

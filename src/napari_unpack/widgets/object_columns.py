@@ -29,7 +29,7 @@ STATE_WORDS = {
 }
 
 # What the state column says of some packed objects, and what it means.
-UNPACKABLE, TOGETHER, FIRST = "unpackable", "leaves together", "take out first"
+UNPACKABLE, TOGETHER, FIRST = "unpackable", "as a group", "take out first"
 MARKS = {
     UNPACKABLE: "Unpackable: nothing blocks this object.",
     TOGETHER: "Unpackable as a group: these objects hold each other and leave together.",
@@ -83,6 +83,8 @@ TITLES = {
     Column.BLOCKERS: ("Blocked by", "Objects that stand directly in its way."),
     Column.NOTE: ("Note", "Your note: double-click to write one."),
 }
+# Of a narrow table, whose room is for names.
+SHORT_TITLES = {Column.CONFIDENCE: "Conf."}
 # What columns without a title are called where one chooses columns.
 CHOICES = {Column.EYE: "Shown", Column.SWATCH: "Colour", Column.FLAG: "Flag"}
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from qtpy.QtCore import (
     QEvent,
@@ -38,7 +39,7 @@ from qtpy.QtWidgets import (
 )
 
 from napari_unpack.session.object_state import ObjectState
-from napari_unpack.widgets.object_columns import MARKS, Column, choice_of
+from napari_unpack.widgets.object_columns import MARKS, SHORT_TITLES, Column, choice_of
 from napari_unpack.widgets.object_model import (
     FLAG,
     ID,
@@ -56,6 +57,8 @@ if TYPE_CHECKING:
     from qtpy.QtWidgets import QStyleOptionViewItem
 
 Draw = Callable[[QPainter, QRectF, "QModelIndex", "QStyleOptionViewItem"], None]
+
+Widths = dict[Column, int]
 
 # Height of a row, pixels: an eye and a swatch with room around them.
 ROW = 24
@@ -76,20 +79,18 @@ WIDTHS = {
 }
 # Texts that a column must have room for in any font, with `PADDING` around them.
 WIDEST = {
-    Column.NAME: "Object 100",
-    Column.STATE: "unpackable",
+    Column.NAME: "Object 12, part",
+    Column.STATE: max(MARKS, key=len),
     Column.VOLUME: "1234",
     Column.SIZE: "999 × 999 × 999",
     Column.DENSITY: "1234",
     Column.CONFIDENCE: "99 %",
     Column.ORDER: "99",
+    Column.BLOCKERS: "Objects 10, 11, 12 and 9 others",
 }
 
 # Pixels: Qt's own margins of a cell and those of the style sheet.
 PADDING = 15
-
-# Of a header that sorts, pixels: the arrow beside its title.
-ARROW = 12
 
 # From left to right; a table that chooses by itself shows the first five, and of the others what
 # it has room for, the state beneath the name where volume and confidence would have none. Tooltips
@@ -119,6 +120,7 @@ class ObjectFilter(QSortFilterProxyModel):
         super().__init__(parent)
         self._text = ""
         self._states: frozenset[ObjectState] | None = None
+        self._short = False
         self.setSortRole(SORT)
         self.setDynamicSortFilter(True)
 
@@ -131,6 +133,27 @@ class ObjectFilter(QSortFilterProxyModel):
         """Keep the objects in these states, or in any for None."""
         self._states = states
         self._renew()
+
+    def shorten_titles(self, short: bool) -> None:
+        """Have the titles of a narrow table, or whole ones."""
+        if short != self._short:
+            self._short = short
+            across = Qt.Orientation.Horizontal
+            self.headerDataChanged.emit(across, min(SHORT_TITLES), max(SHORT_TITLES))
+
+    def headerData(self, section: int, orientation: Qt.Orientation, role: int = 0) -> Any:
+        """Return a column's title or its tooltip, as Qt asks for them.
+
+        Parameters
+        ----------
+        section : int
+            The column.
+        orientation : Qt.Orientation
+        role : int
+        """
+        if self._short and role == Qt.ItemDataRole.DisplayRole and section in SHORT_TITLES:
+            return SHORT_TITLES[Column(section)]
+        return super().headerData(section, orientation, role)
 
     def _renew(self) -> None:
         # Qt 6.9 deprecates invalidateFilter; before it there is nothing else.
@@ -214,6 +237,9 @@ class _ClickDelegate(QStyledItemDelegate):
         return QSize(ROW, ROW)
 
 
+# What tells names apart that begin alike: a number, a mark.
+END = re.compile(r"\s\S{1,3}$")
+
 # A second line is smaller than the first by the factor that browsers have for small print.
 SMALLER = 5 / 6
 
@@ -243,6 +269,9 @@ class _NameDelegate(_TextDelegate):
         super().initStyleOption(option, index)
         if self.says_state:
             option.text = ""
+        elif option.rect.isValid():
+            room = option.rect.width() - PADDING
+            option.text = _shortened(option.text, option.fontMetrics, room)
 
     def paint(self, painter: QPainter, option: QStyleOptionViewItem, index: QModelIndex) -> None:
         super().paint(painter, option, index)
@@ -261,8 +290,7 @@ class _NameDelegate(_TextDelegate):
         ):
             painter.setFont(font)
             painter.setPen(color)
-            middle = Qt.TextElideMode.ElideMiddle
-            shown = QFontMetrics(font).elidedText(text, middle, cell.width())
+            shown = _shortened(text, QFontMetrics(font), cell.width())
             painter.drawText(cell, side, shown)
             # What can be done with an object is as plain as its name; where it is, is not.
             color.setAlphaF(1.0 if text in MARKS else 0.7)
@@ -356,7 +384,7 @@ class ObjectTable(QTableView):
         model.headerDataChanged.connect(lambda *_: self._fit_columns())
         self._silent = False
         self._selected: list[int] | None = None
-        self._widths: dict[Column, int] = {}
+        self._widths: Widths = {}
         self._columns = ChosenColumns(key)
         self._texts, self._names = _TextDelegate(self), _NameDelegate(self)
         self.setItemDelegate(self._texts)
@@ -390,8 +418,6 @@ class ObjectTable(QTableView):
         self.setWordWrap(False)
         # Arrow keys go from cell to cell: Tab would never come out of the table.
         self.setTabKeyNavigation(False)
-        # The ends of names tell objects apart: a number, a mark.
-        self.setTextElideMode(Qt.TextElideMode.ElideMiddle)
         # By pixels, as wide columns would jump otherwise.
         self.setHorizontalScrollMode(QAbstractItemView.ScrollMode.ScrollPerPixel)
         self.verticalHeader().hide()
@@ -419,15 +445,36 @@ class ObjectTable(QTableView):
         self._fit_columns()
 
     def _fit_columns(self) -> None:
+        widths, shown, narrow = self._measured({}), self._columns.chosen, False
+        if shown is None:
+            wanted = [c for c in WHERE_ROOM if self._is_worth_showing(c)]
+            shown = self._fitting(widths, ALWAYS, wanted)
+            narrow = not shown.issuperset({Column.VOLUME, Column.CONFIDENCE}.intersection(wanted))
+            if narrow:
+                widths = self._measured(SHORT_TITLES)
+                shown = self._fitting(widths, [c for c in ALWAYS if c != Column.STATE], wanted)
+        self._names.says_state = narrow
+        self.rows.shorten_titles(narrow)
+        # Setting widths resizes the view, which would call this again without end.
+        if widths != self._widths:
+            self._widths = widths
+            for column, width in widths.items():
+                self.setColumnWidth(column, width)
+        for column in Column:
+            self.setColumnHidden(column, column not in shown)
+        self.verticalHeader().setDefaultSectionSize(self._names.height(self.font()))
+
+    def _measured(self, short: dict[Column, str]) -> Widths:
+        """Return how wide the columns must be, where some titles are short."""
         measure = self.fontMetrics().horizontalAdvance
         bold = QFont(self.font())
         bold.setBold(True)
         # What can be done with an object is written bold.
         boldly = QFontMetrics(bold).horizontalAdvance
-        titles = {c: self.objects.units.title(c)[0] for c in WIDTHS}
-        long = self.objects.widest
-        widest = {c: max(text, long.get(c, ""), key=len) for c, text in WIDEST.items()}
-        widths = {
+        titles = {c: self.objects.units.title(c)[0] for c in WIDTHS} | short
+        volume = max(WIDEST[Column.VOLUME], self.objects.widest_volume, key=len)
+        widest = WIDEST | {Column.VOLUME: volume}
+        return {
             c: max(
                 w,
                 (boldly if c == Column.STATE else measure)(widest.get(c, "")) + PADDING,
@@ -435,32 +482,18 @@ class ObjectTable(QTableView):
             )
             for c, w in WIDTHS.items()
         }
-        # Setting widths resizes the view, which would call this again without end.
-        if widths != self._widths:
-            self._widths = widths
-            for column, width in widths.items():
-                self.setColumnWidth(column, width)
-        shown = self._columns.chosen
-        self._names.says_state = False
-        if shown is None:
-            wanted = [c for c in WHERE_ROOM if self._is_worth_showing(c)]
-            shown = self._fitting(ALWAYS, wanted)
-            if not shown.issuperset({Column.VOLUME, Column.CONFIDENCE}.intersection(wanted)):
-                self._names.says_state = True
-                shown = self._fitting([c for c in ALWAYS if c != Column.STATE], wanted)
-        for column in Column:
-            self.setColumnHidden(column, column not in shown)
-        self.verticalHeader().setDefaultSectionSize(self._names.height(self.font()))
 
     def _is_worth_showing(self, column: Column) -> bool:
         return column != Column.CONFIDENCE or self.objects.knows_confidence
 
-    def _fitting(self, always: Sequence[Column], wanted: Iterable[Column]) -> set[Column]:
+    def _fitting(
+        self, widths: Widths, always: Sequence[Column], wanted: Iterable[Column]
+    ) -> set[Column]:
         """Return some columns and the first of others that there is room for."""
         shown, room = set(always), self.viewport().width()
-        room -= sum(self._widths[column] for column in always)
+        room -= sum(widths[column] for column in always)
         for column in wanted:
-            room -= self._widths[column]
+            room -= widths[column]
             if room < 0:
                 break
             shown.add(column)
@@ -567,6 +600,14 @@ class ObjectTable(QTableView):
             event.ignore()
             return
         super().keyPressEvent(event)
+
+
+def _shortened(text: str, metrics: QFontMetrics, room: int) -> str:
+    """Return as much of a text as there is room for, with a number or mark at its end."""
+    found = END.search(text)
+    end = found[0] if found else ""
+    rest, right = text.removesuffix(end), Qt.TextElideMode.ElideRight
+    return metrics.elidedText(rest, right, room - metrics.horizontalAdvance(end)) + end
 
 
 def _small(font: QFont) -> QFont:

@@ -9,7 +9,8 @@ from qtpy.QtGui import QColor, QIcon, QPainter, QPixmap, QPolygonF
 from qtpy.QtWidgets import QHBoxLayout, QSlider, QToolButton, QWidget
 
 from napari_unpack.session.errors import listed_objects
-from napari_unpack.widgets.commands import Commands
+from napari_unpack.session.object_state import ObjectState
+from napari_unpack.widgets.commands import Commands, objects_in
 from napari_unpack.widgets.section import column, keep_room, label
 from napari_unpack.widgets.theme import GAP
 from napari_unpack.widgets.workspace import Change, Workspace
@@ -98,6 +99,8 @@ class StepSlider(QWidget):
             self.slider.setRange(0, len(steps) + self._unplanned())
             self.slider.setValue(step)
         self.setEnabled(self.slider.maximum() > 0)
+        # The next flight would end an inspection.
+        self.play.setEnabled(not objects_in(session, ObjectState.INSPECTED))
         self.sentence.setText("" if session is None else self._text(session))
         self.sentence.setVisible(bool(self.sentence.text()))
 
@@ -150,7 +153,6 @@ class StepSlider(QWidget):
     def _fly_next(self) -> bool:
         """Return whether to play on."""
         controller = self._workspace.controller
-        # An inspection would be ended by the next flight.
         if controller is None or controller.inspected:
             return False
         if controller.flying:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +17,13 @@ from napari_unpack.segmentation.review.rescoring import FEATURES, Rescoring
 Kind = Literal["join", "border", "object"]
 Said = Literal["same", "different", "nothing", "skip"]
 SAID: tuple[Said, ...] = ("same", "different", "nothing", "skip")
+# What was measured, of a doubt or of an answer.
+Row: TypeAlias = NDArray[np.float64] | tuple[float, ...]
 
 # Decisions less likely to be wrong are not asked about.
 LEAST_DOUBT = 0.05
 # Of what answers may win, all told: the many doubts that share the rest are not worth the time.
+# What was asked counts too, or each answer would bring up more of them.
 SHARE = 0.9
 # Flows are of whole numbers: so many to a face that is sure to be within one object.
 BOND_STEPS = 100
@@ -87,7 +90,7 @@ class Doubt:
     @property
     def doubt(self) -> float:
         """How likely the decision is wrong."""
-        return self.chance if self.kind == "border" else 1 - self.chance
+        return _doubt(self.kind, self.chance)
 
     def changed_by(self, said: Said) -> bool:
         """Return whether an answer changes the labels."""
@@ -105,6 +108,7 @@ def doubts(
     answers: Sequence[Answer] = (),
     least: float = LEAST_DOUBT,
     share: float = SHARE,
+    learn: bool = True,
 ) -> list[Doubt]:
     """Return what is left to review, the most worthwhile first.
 
@@ -118,26 +122,30 @@ def doubts(
     least : float
         How likely a decision is wrong that is asked about.
     share : float
-        Of what they are all worth: of the first doubts, as many as have so much are returned.
+        Of what all are worth, those answered too: as many of the first as have so much are asked.
+    learn : bool
+        Whether answers re-score what is left.
     """
     objects = objects_of(evidence, labels)
     found = [*_joins(evidence, objects, answers), *_borders(evidence, objects, answers)]
     found += _specks(evidence, objects, answers)
     if not found:
         return []
+    taught = [a for a in answers if learn and a.said in ("same", "different")]
     model = Rescoring.of(
-        np.array([a.row for a in answers if a.said in ("same", "different")]),
-        np.array([a.said == "same" for a in answers if a.said in ("same", "different")]),
-        np.array([a.chance for a in answers if a.said in ("same", "different")]),
+        np.array([a.row for a in taught]),
+        np.array([a.said == "same" for a in taught]),
+        np.array([a.chance for a in taught]),
     )
-    chances = model.chances(np.array([d.row for d in found]), np.array([d.shipped for d in found]))
     total = float(evidence.sums[:, 0].sum())
-    made = [_weighed(d, float(c), total) for d, c in zip(found, chances, strict=True)]
+    chances = _chances(model, [d.row for d in found], [d.shipped for d in found])
+    made = [_weighed(d, c, total) for d, c in zip(found, chances, strict=True)]
     made = sorted((d for d in made if d.doubt >= least), key=lambda d: (-d.worth, d.pieces))
-    before = np.cumsum([0.0, *(d.worth for d in made)])
-    return [
-        d for d, sum_before in zip(made, before, strict=False) if sum_before < share * before[-1]
-    ]
+    chances = _chances(model, [a.row for a in answers], [a.chance for a in answers])
+    asked = [_worth(a.kind, a.row, c, total) for a, c in zip(answers, chances, strict=True)]
+    before = np.cumsum([0.0, *asked, *(d.worth for d in made)])
+    left = zip(made, before[len(asked) :], strict=False)
+    return [d for d, sum_before in left if sum_before < share * before[-1]]
 
 
 def objects_of(evidence: Evidence, labels: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
@@ -295,13 +303,29 @@ def _measured(
     return row
 
 
+def _chances(model: Rescoring, rows: Sequence[Row], shipped: Sequence[float]) -> list[float]:
+    """Return the probabilities that both sides are one object, by the answers so far."""
+    known = np.array(rows, np.float64).reshape(-1, len(FEATURES))
+    return [float(c) for c in model.chances(known, np.array(shipped))]
+
+
+def _doubt(kind: Kind, chance: float) -> float:
+    """Return how likely a decision is wrong."""
+    return chance if kind == "border" else 1 - chance
+
+
 def _weighed(doubt: Doubt, chance: float, total: float) -> Doubt:
     """Return a doubt with its re-scored chance and what it is worth."""
-    new = replace(doubt, chance=chance)
-    small = 1000 * 10 ** float(doubt.row[3])
-    if doubt.kind == "object":
-        return replace(new, worth=new.doubt * small / total)
-    large = small * 10 ** float(doubt.row[4])
+    worth = _worth(doubt.kind, doubt.row, chance, total)
+    return replace(doubt, chance=chance, worth=worth)
+
+
+def _worth(kind: Kind, row: Row, chance: float, total: float) -> float:
+    """Return what a decision is worth, of all objects' voxels together; see `Doubt`."""
+    wrong, small = _doubt(kind, chance), 1000 * 10 ** float(row[3])
+    if kind == "object":
+        return wrong * small / total
+    large = small * 10 ** float(row[4])
     both = small + large
     bits = small * np.log2(both / small) + large * np.log2(both / large)
-    return replace(new, worth=new.doubt * float(bits) / total)
+    return wrong * float(bits) / total
