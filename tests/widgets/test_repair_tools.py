@@ -26,7 +26,7 @@ from napari_unpack.viewer.label_sync import QUIET_MS, LabelSync
 from napari_unpack.viewer.scheduler import Worker
 from napari_unpack.viewer.slice_sync import SliceHues
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
-from opened_panel import at_rest, controller_with, press
+from opened_panel import at_rest, controller_with, press, rest, states
 from viewer_fixtures import canvas
 
 BELL, CUBE, SLAB = 1, 2, 3
@@ -157,6 +157,75 @@ def test_clicks_in_a_slice_split_too(
         QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=spot)
     qtbot.waitUntil(lambda: len(session.ids) == 4, timeout=10000)
     assert session.labels[12, 20, 12] != session.labels[12, 20, 48]
+
+
+@pytest.mark.parametrize("ndisplay", [2, 3])
+def test_clicks_that_a_tool_takes_do_not_paint(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot, ndisplay: int
+) -> None:
+    layer = viewer.layers["found"]
+    viewer.dims.ndisplay = ndisplay
+    viewer.dims.set_point(0, 12)
+    layer.visible, viewer.layers.selection.active = True, layer
+    layer.mode, layer.brush_size, layer.selected_label = "paint", 3, CUBE
+    before = layer.data.copy()
+    canvas(viewer)
+    rest(panel, qtbot)
+    press(qtbot, panel.objects.split)
+    assert layer.mode == "pan_zoom"
+    for x in (16, 44):
+        if ndisplay == 2:
+            camera, (height, width) = viewer.scene.camera, viewer.canvas.size
+            at = (np.array([20, x]) - np.asarray(camera.center)[-2:]) * camera.zoom
+            spot = QPoint(round(width / 2 + at[1]), round(height / 2 + at[0]))
+            widget = compat.native_canvas(viewer).native
+            QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=spot)
+        else:
+            click(panel, (12, 20, x), qtbot)
+    qtbot.waitUntil(lambda: len(session.ids) == 4, timeout=10000)
+    assert [step.verb for step in session.history.done] == ["split"]
+    split = before == BELL
+    assert np.array_equal(layer.data[~split], before[~split])
+    # The brush is taken up again.
+    assert layer.mode == "paint"
+
+
+def test_a_brush_taken_up_while_a_tool_waits_paints_and_the_tool_goes_on_waiting(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
+) -> None:
+    layer = viewer.layers["found"]
+    layer.visible, viewer.layers.selection.active = True, layer
+    press(qtbot, panel.measure.ruler)
+    layer.mode, layer.brush_size, layer.selected_label = "paint", 3, CUBE
+    at_rest(panel.workspace.controller, qtbot)
+    click(panel, (12, 20, 16), qtbot)
+    assert (layer.data == CUBE).sum() > 12**3
+    assert panel.workspace.controller.interaction.tool is not None
+    assert "from" in panel.measure.next_click.text()
+    panel.measure.cancel()
+    assert layer.mode == "paint"
+    press(qtbot, panel.unpack.draw)
+    assert layer.mode == "pan_zoom"
+    press(qtbot, panel.unpack.draw)
+    assert layer.mode == "paint"
+
+
+def test_dabs_of_a_brush_in_3d_leave_its_label_and_what_is_selected(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
+) -> None:
+    layer = viewer.layers["found"]
+    layer.visible, viewer.layers.selection.active = True, layer
+    session.select([CUBE])
+    layer.mode, layer.brush_size, layer.selected_label = "paint", 3, CUBE
+    at_rest(panel.workspace.controller, qtbot)
+    for x in (16, 44):
+        click(panel, (12, 20, x), qtbot)
+        assert layer.selected_label == CUBE
+        assert session.selected == {CUBE}
+    assert (layer.data == BELL).sum() < (bells()[1] == BELL).sum()
+    widget = compat.native_canvas(viewer).native
+    QTest.mouseDClick(widget, Qt.MouseButton.LeftButton, pos=widget.rect().center())
+    assert "INSPECTED" not in states(session).values()
 
 
 def test_merge_and_delete_the_selected_and_refuse_what_is_outside(
@@ -352,6 +421,25 @@ def test_undo_while_a_stroke_is_compared_takes_back_the_last_step_and_keeps_the_
     wanted[layer.data != wanted] = CUBE
     assert layer.data[36, 2, 2] == CUBE
     assert np.array_equal(session.labels, wanted)
+
+
+def test_a_repair_asked_for_while_a_stroke_is_compared_follows_it(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
+) -> None:
+    repair, layer, asked = panel.objects.repair, viewer.layers["found"], []
+
+    def delete(busy: bool) -> None:
+        if busy and not asked:
+            asked.append(True)
+            repair.delete([SLAB])
+
+    repair.busy.connect(delete)
+    layer.paint((36, 2, 2), CUBE)
+    qtbot.waitUntil(lambda: SLAB not in session.ids and not repair.running, timeout=20000)
+    assert session.labels[36, 2, 2] == CUBE
+    wanted = np.where(bells()[1] == SLAB, 0, bells()[1])
+    assert np.array_equal(layer.data, np.where(layer.data != wanted, CUBE, wanted))
+    assert [step.verb for step in session.history.done] == ["paint", "delete"]
 
 
 class Brush:

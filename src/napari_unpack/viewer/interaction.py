@@ -16,16 +16,18 @@ from napari_unpack.geometry.axes import Matrix
 from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.layers import compat
 from napari_unpack.layers.placement import units_of, voxel_at
+from napari_unpack.viewer.brush import Brush
 from napari_unpack.viewer.direction_arrow import Pencil
 from napari_unpack.viewer.layer_tables import describe, hint
 from napari_unpack.viewer.multi_selection import RubberBand, SliceBand, chosen
-from napari_unpack.viewer.protocols import ClickTool, MouseEvent, Pixel, PointerTarget
+from napari_unpack.viewer.protocols import ClickTool, MouseEvent, Pixel
 from napari_unpack.viewer.surface_points import label_at
 
 if TYPE_CHECKING:
     import napari
 
     from napari_unpack.layers.view_camera import Frame
+    from napari_unpack.viewer.controller import SessionController
 
 # A drag no longer than this is a click: hands shake.
 CLICK_PIXELS = 4.0
@@ -41,7 +43,7 @@ class Interaction:
 
     Parameters
     ----------
-    target : PointerTarget
+    target : SessionController
         The controller.
 
     Attributes
@@ -57,8 +59,9 @@ class Interaction:
     is open it does so in slices alone.
     """
 
-    def __init__(self, target: PointerTarget) -> None:
-        self.pencil = Pencil(target, self.frame_pixel)
+    def __init__(self, target: SessionController) -> None:
+        self._brush = Brush(target.viewer)
+        self.pencil = Pencil(target, self.frame_pixel, self._brush)
         self._tool: ClickTool | None = None
         self._target = target
         self._pointed = 0
@@ -95,10 +98,17 @@ class Interaction:
 
     @tool.setter
     def tool(self, tool: ClickTool | None) -> None:
-        """Have another tool take the clicks; the one before is called off."""
+        """Have another tool take the clicks; the one before is called off.
+
+        A brush is put down meanwhile, or the clicks would paint as well.
+        """
         if tool is not None and self._tool is not None:
             self._tool.cancel()
         self._tool = tool
+        if tool is None:
+            self._brush.take_up()
+        else:
+            self._brush.put_down()
 
     # What is under a pixel.
 
@@ -219,6 +229,8 @@ class Interaction:
             event.handled = True
             return
         if self._in_3d():
+            if self._brush.in_hand:
+                return
             if self._target.renderer.inspected:
                 self._target.leave()
                 event.handled = True
@@ -237,6 +249,9 @@ class Interaction:
             return
         if not self._in_3d():
             yield from self._click_in_slice(event)
+            return
+        if self._brush.in_hand:
+            # Selecting would set its label, which a dab must not.
             return
         modifiers, start = _modifiers(event), _pixel(event)
         grip = self._grip(start, modifiers)
@@ -277,11 +292,12 @@ class Interaction:
         return None
 
     def _click_in_slice(self, event: MouseEvent) -> Generator[None, None, None]:
+        if self._brush.in_hand:
+            return
         start, there, moved = _pixel(event), event.position, False
         modifiers = _modifiers(event)
-        pans = self._pans_slices()
         # In an opened object slices show the whole bag, of which this session has no labels.
-        bands = "Control" in modifiers and pans and self._target.outer_session is None
+        bands = "Control" in modifiers and self._target.outer_session is None
         band = SliceBand(self._target, start, there) if bands else None
         with self._camera_held(bands):
             yield
@@ -294,18 +310,12 @@ class Interaction:
         with nullcontext() if steps is None else steps.held():
             if moved and band is not None:
                 band.release()
-            elif not moved and self.tool is None and pans:
-                # Selecting sets the brush's label, which a dab must not.
+            elif not moved and self.tool is None:
                 self.select(self.in_slice(there), modifiers)
         if not moved and self.tool is not None:
             voxel = self._voxel_in_slice(there)
             if voxel is not None:
                 self.tool.click_voxel(voxel)
-
-    def _pans_slices(self) -> bool:
-        """Tell whether a drag over our slices would pan, and not paint or draw."""
-        active = self._target.viewer.layers.selection.active
-        return active is None or str(getattr(active, "mode", "pan_zoom")) == "pan_zoom"
 
     @contextmanager
     def _camera_held(self, held: bool) -> Generator[None, None, None]:
@@ -343,7 +353,7 @@ class _Grip(Protocol):
 
 @dataclass
 class _Turn:
-    target: PointerTarget
+    target: SessionController
     held: int
 
     def drag(self, last: Pixel, pixel: Pixel) -> None:
@@ -356,7 +366,7 @@ class _Turn:
 @dataclass
 class _Carry:
     interaction: Interaction
-    target: PointerTarget
+    target: SessionController
     held: int
 
     def drag(self, last: Pixel, pixel: Pixel) -> None:
@@ -368,7 +378,7 @@ class _Carry:
 
 @dataclass
 class _Cut:
-    target: PointerTarget
+    target: SessionController
     part: str
     in_frame: Callable[[Pixel], Pixel]
     moved: bool = False

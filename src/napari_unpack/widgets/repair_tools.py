@@ -53,6 +53,8 @@ class RepairTools(QObject):
         # What a person asked for last, and what was called off while it was worked out.
         self._asked: Task[Any] | None = None
         self._called_off: Task[Any] | None = None
+        # A repair that is asked for while a stroke is compared, which nobody waits for.
+        self._next: Callable[[], None] | None = None
         workspace.switched.connect(self._follow)
 
     @property
@@ -82,6 +84,9 @@ class RepairTools(QObject):
     def call_off(self) -> bool:
         """Give up the repair that is being worked out; return whether there was one."""
         task, self._asked = self._asked, None
+        if self._next is not None:
+            self._next = None
+            return True
         if task is None or not self._workspace.scheduler.has(SLOT):
             return False
         self._called_off = task
@@ -144,7 +149,10 @@ class RepairTools(QObject):
         if session is None:
             return
         if self._workspace.scheduler.has(SLOT):
-            notifications.inform("The last repair is still being worked out: wait a moment.")
+            if self._asked is None and self._next is None:
+                self._next = partial(self._put, task_of, apply)
+            else:
+                notifications.inform("The last repair is still being worked out: wait a moment.")
             return
         with notifications.errors_shown():
             self._asked = task_of(session.label_editor)
@@ -173,12 +181,19 @@ class RepairTools(QObject):
             return
         with notifications.errors_shown():
             done(edit)
+        self._go_on()
 
     def _fail(self, task: Task[Any], refused: Refused, error: Exception) -> None:
         self._end(task)
         if not isinstance(error, Cancelled):
             with notifications.errors_shown():
                 refused(error)
+        self._go_on()
+
+    def _go_on(self) -> None:
+        following, self._next = self._next, None
+        if following is not None:
+            following()
 
     def _end(self, task: Task[Any]) -> None:
         # What runs next may be a stroke, which nobody asked for here.
@@ -191,6 +206,7 @@ class RepairTools(QObject):
 
         # Clicks on the layers of another session would mean nothing.
         self.cancel()
+        self._next = None
         if self._label_sync is not None:
             self._label_sync.close()
             self._label_sync = None

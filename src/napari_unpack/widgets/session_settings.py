@@ -35,11 +35,12 @@ class SessionSettings:
                 session.direction = direction
 
     def set_drawing(self, drawing: bool) -> None:
-        """Have the next drag in the 3D view draw the direction, or not."""
+        """Show the 3D view and have the next drag in it draw the direction, or not."""
         if (controller := self._workspace.controller) is not None:
             pencil = controller.interaction.pencil
             if drawing:
-                pencil.drawing = True
+                self._workspace.viewer.dims.ndisplay = 3
+                pencil.begin()
             elif pencil.drawing:
                 pencil.stop()
 
