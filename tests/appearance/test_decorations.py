@@ -3,7 +3,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from napari_unpack.appearance.decorations import box_edges, draw_edges, round_length, scale_mark
+from napari_unpack.appearance.decorations import (
+    box_edges,
+    draw_edges,
+    round_length,
+    scale_mark,
+    stroke_cover,
+)
 from napari_unpack.geometry.length_unit import MM
 from napari_unpack.geometry.view import Camera
 
@@ -41,6 +47,31 @@ def test_edges_behind_the_eye_are_left_out():
     eye = camera(40.0)
     ends = np.array([[[eye.distance + 5, 0.0, 0.0], [0.0, 5.0, 5.0]]])
     assert not draw_edges(ends, eye, (50, 50), INK)[0].any()
+
+
+@pytest.mark.parametrize("far", [1e4, 1e20, 1e300])
+@pytest.mark.parametrize("way", [(0.0, 1.0), (-1.0, 0.0), (1.0, 1.0), (0.3, -1.0)])
+def test_a_line_to_a_far_point_is_drawn_up_to_the_edge(far, way):
+    start, way = np.array([20.0, 30.0]), np.array(way)
+    near, long = (np.array([start, start + reach * way]) for reach in (200.0, far))
+    wanted = stroke_cover([near], (50, 60), 1.2)
+    assert wanted.any()
+    np.testing.assert_allclose(stroke_cover([long], (50, 60), 1.2), wanted, atol=1e-5)
+    # Both ends are far off, on two sides and on one.
+    through = np.array([start - far * way, start + far * way])
+    if not np.prod(way):
+        assert stroke_cover([through], (50, 60), 1.2).max() == 1.0
+    assert not stroke_cover([long + far * way], (50, 60), 1.2).any()
+
+
+def test_an_edge_that_is_cut_keeps_the_depths_of_its_points():
+    eye = camera(40.0)
+    # From the middle of the image to far behind and beside it.
+    ends = np.array([[[0.0, 0.0, 0.0], [-1e6, 0.0, 1e6]]])
+    _, depth = draw_edges(ends, eye, (200, 200), INK)
+    for t in (5.0, 10.0, 15.0):
+        row, col = np.rint(eye.pixels([-t, 0.0, t], (200, 200))).astype(int)
+        assert depth[row, col] == pytest.approx(t, abs=0.3)
 
 
 def test_a_line_has_the_same_strength_at_any_angle():

@@ -104,6 +104,24 @@ def test_a_bad_margin_is_refused():
         assign_hues(nx.Graph(), margin=1.0)
 
 
+@pytest.mark.parametrize("hue", [float("nan"), float("inf"), None, "red"])
+def test_a_previous_hue_that_is_none_is_refused(hue):
+    with pytest.raises(ValueError, match=r"previous must hold finite hues, got .* for object 1"):
+        assign_hues(graph_of([(1, 2)]), {1: hue})
+
+
+@pytest.mark.parametrize("separation", [float("nan"), -0.1, 0.6, "wide"])
+def test_a_bad_separation_is_refused(separation):
+    with pytest.raises((TypeError, ValueError), match="separation must be"):
+        assign_hues(graph_of([(1, 2)]), {1: 0.1}, separation=separation)
+
+
+@pytest.mark.parametrize("margin", [None, "wide", float("nan")])
+def test_a_margin_that_is_no_number_is_refused(margin):
+    with pytest.raises((TypeError, ValueError), match="margin must be"):
+        assign_hues(nx.Graph(), margin=margin)
+
+
 graphs = st.builds(
     lambda n, pairs: graph_of([(a % n, b % n) for a, b in pairs if a % n != b % n], range(n)),
     st.integers(1, 14),

@@ -107,6 +107,38 @@ def test_an_impossible_view_is_refused_by_name(arguments, message: str) -> None:
         View(**arguments)
 
 
+@pytest.mark.parametrize("name", ["fov", "height"])
+@pytest.mark.parametrize("value", ["wide", [1.0, 2.0], np.nan], ids=repr)
+def test_a_view_of_no_number_is_refused_by_name(name: str, value) -> None:
+    with pytest.raises((TypeError, ValueError), match=name):
+        View(**{name: value})
+
+
+def test_a_view_holds_plain_numbers_and_is_as_good_as_its_equal() -> None:
+    plain = View((1.0, 2.0, 3.0), (0.0, -1.0, 0.0), (4.0, 5.0, 6.0), 80.0, 20.0)
+    listed = View([1, 2, 3], [0, -1, 0], [4, 5, 6], 80, 20)
+    direction = np.array([1, 2, 3])
+    arrays = View(
+        direction, np.array([0, -1, 0]), np.array([4, 5, 6]), np.float32(80), np.int64(20)
+    )
+    direction[:] = 0
+    assert plain == listed == arrays
+    assert hash(plain) == hash(listed) == hash(arrays)
+    numbers = [*arrays.direction, *arrays.up, *arrays.center, arrays.height, arrays.fov]
+    assert {type(n) for n in numbers} == {float}
+
+
+def test_a_camera_shares_no_array_and_none_can_be_written_to() -> None:
+    center = np.zeros(3)
+    camera = Camera.looking((0, 0, 1), None, center, np.float32(80), np.float32(20))
+    center += 1
+    assert camera.center.tolist() == [0, 0, 0]
+    assert type(camera.height) is type(camera.fov) is float
+    for array in (camera.center, camera.rotation, camera.stretch):
+        with pytest.raises(ValueError, match="read-only"):
+            array += 1
+
+
 def test_flip_and_flip_matrix_agree() -> None:
     matrix = np.arange(16.0).reshape(4, 4)
     v = np.array([2.0, 3.0, 5.0])

@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 
 import napari_unpack as nu
+from napari_unpack.geometry.length_unit import MICRO, LengthUnit
 from napari_unpack.io import save_measurements_csv, save_objects_page
 from napari_unpack.io.report import save_objects_csv
 from napari_unpack.io.table_page import number_cell
@@ -200,6 +201,29 @@ def test_a_carriage_return_in_a_name_ends_no_row(tmp_path: Path) -> None:
     read = pd.read_csv(path, index_col="id")
     assert list(read.index) == [1, 2]
     assert list(read["name"]) == ["left\nright", "up\ndown"]
+
+
+@pytest.mark.parametrize(
+    ("unit", "suffix"),
+    [(LengthUnit(MICRO, 1000.0), "um"), (LengthUnit("voxels", 0.5), "voxels")],
+)
+def test_columns_are_named_by_their_unit_and_those_in_mm_as_ever(
+    tmp_path: Path, unit: LengthUnit, suffix: str
+) -> None:
+    told = {
+        "voxels": [7], "volume_mm3": [2.0], "mean_density": [3.0], "z": [4.0], "y": [5.0],
+        "x": [6.0], "isoperimetric_ratio": [8.0],
+    }  # fmt: skip
+    objects = pd.DataFrame(told, index=[1])
+    plain = pd.read_csv(save_objects_csv(objects, tmp_path / "mm.csv"), index_col="id")
+    assert list(plain) == list(told)
+    table = pd.read_csv(save_objects_csv(objects, tmp_path / "other.csv", unit), index_col="id")
+    assert list(table) == [
+        "voxels", f"volume_{suffix}3" if suffix == "um" else "volume_voxels", "mean_density",
+        f"z_{suffix}", f"y_{suffix}", f"x_{suffix}", f"isoperimetric_ratio_per_{suffix}",
+    ]  # fmt: skip
+    assert table[f"y_{suffix}"][1] == 5.0 * unit.per_mm
+    assert table[f"isoperimetric_ratio_per_{suffix}"][1] == 8.0 / unit.per_mm
 
 
 def test_densities_of_a_scan_scaled_to_one_are_told_with_two_digits(tmp_path: Path) -> None:

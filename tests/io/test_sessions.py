@@ -494,6 +494,17 @@ def test_what_had_to_be_assumed_of_the_scan_comes_back(session, tmp_path):
     assert nu.open_session(path).assumed == ()
 
 
+def test_where_a_session_begins_in_its_scan_comes_back(session, tmp_path):
+    session.first_voxel_mm = np.array([1.0, 2.0, 3.5])
+    path = nu.save_session(session, tmp_path / "part.unpack")
+    assert nu.open_session(path).first_voxel_mm.tolist() == [1.0, 2.0, 3.5]
+    with pytest.raises(ValueError, match="first_voxel_mm"):
+        nu.open_session(changed(path, lambda m: {**m, "first_voxel_mm": [1, 2]}))
+    # Files of before do not tell.
+    changed(path, lambda m: {k: v for k, v in m.items() if k != "first_voxel_mm"})
+    assert nu.open_session(path).first_voxel_mm.tolist() == [0, 0, 0]
+
+
 def test_what_was_done_inside_opened_objects_is_saved_with_them(tmp_path: Path) -> None:
     session = nu.Session(*tin())
     bag = session.opened_bags.open(session, 1)
@@ -563,3 +574,11 @@ def test_flights_take_a_time_that_a_file_can_hold(seconds: float) -> None:
     with pytest.raises(ValueError, match="seconds must be positive and finite"):
         s.seconds = seconds
     assert s.seconds > 0
+
+
+def test_a_session_that_would_not_open_again_replaces_none_that_does(saved):
+    found = nu.open_session(saved)
+    found.canvas_size = (100_000, 100_000)
+    with pytest.raises(ValueError, match="canvas_size must be from 1 to 65535"):
+        nu.save_session(found, saved)
+    assert nu.open_session(saved).canvas_size == (300, 400)

@@ -224,8 +224,15 @@ def test_micrometres_are_told_in_millimetres(session: nu.Session, tmp_path: Path
 def test_other_formats_and_objects_are_refused(session: nu.Session, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"surfaces must end in .stl, .obj, .ply or .glb"):
         save_surfaces(session, tmp_path / "bag.step")
-    with pytest.raises(ValueError, match=r"ids must be objects of the session, got \[9\]"):
+    with pytest.raises(ValueError, match=r"ids must be objects of this session, got \[9\]"):
         save_surfaces(session, tmp_path / "bag.stl", [9])
+
+
+@pytest.mark.parametrize("ids", [[1.9], "12", [True]])
+def test_what_is_no_id_chooses_no_object(session: nu.Session, tmp_path: Path, ids: object) -> None:
+    with pytest.raises(TypeError, match="ids must be object IDs"):
+        save_surfaces(session, tmp_path / "bag.stl", ids)
+    assert not list(tmp_path.iterdir())
 
 
 def test_without_trimesh_one_sentence_says_what_to_install(
@@ -283,6 +290,30 @@ def test_surfaces_of_what_is_in_an_opened_container_lie_beside_those_of_the_bag(
         save_surfaces(session, tmp_path / "3.stl", [3], turned)
         bounds.append(trimesh.load(tmp_path / "3.stl").bounds)
     np.testing.assert_allclose(bounds[1], bounds[0], atol=1e-4)
+
+
+def test_an_opened_container_saved_by_itself_still_tells_where_it_lay(tmp_path: Path) -> None:
+    labels = np.zeros((30, 30, 30), np.uint16)
+    labels[8:24, 8:24, 8:24] = 1
+    labels[9:23, 9:23, 9:23] = 0
+    labels[10:20, 10:20, 10:14], labels[10:20, 10:20, 16:22] = 2, 3
+    outer = nu.Session(np.where(labels > 0, 1000 + labels * 300, 0), labels, (1, 2, 0.5))
+    outer.backend = "cpu"
+    askew = np.array([[0, 0, 1.0, 7], [0, -1, 0, 8], [1, 0, 0, 9], [0, 0, 0, 1]])
+    turned = np.array([[0, 1.0, 0, 1], [-1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]])
+    for place in (None, askew):
+        outer.scanner_from_scan = place
+        inner = open_container(outer, 1)
+        # One in another: what is unpacked in it is saved along with it.
+        inner.opened_bags.restore(inner, 1, open_container(inner, 1))
+        path = nu.save_session(inner, tmp_path / "inner.unpack")
+        again = nu.open_session(path)
+        within = again.opened_bags.worked_in(again)[1]
+        bounds = []
+        for session in (outer, inner, again, within):
+            save_surfaces(session, tmp_path / "3.stl", [3], turned)
+            bounds.append(trimesh.load(tmp_path / "3.stl").bounds)
+        np.testing.assert_allclose(bounds[1:], [bounds[0]] * 3, atol=1e-4)
 
 
 def test_a_surface_of_an_oblique_sheet_encloses_what_its_voxels_do() -> None:

@@ -611,6 +611,26 @@ def test_what_cannot_be_written_is_named_and_leaves_nothing(tmp_path: Path) -> N
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("suffix", [".npz", ".nii.gz", ".mha", ".nrrd", ".tif"])
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (Scan(VOLUME, SPACING, LABELS[1:]), r"one shape, got \(4, 5, 6\) and \(3, 5, 6\)"),
+        (Scan(VOLUME, (0.0, 1.0, 1.0), LABELS), "the voxel size in the scan must be"),
+        (Scan(VOLUME[0], SPACING), "the volume must hold a 3D volume"),
+        (Scan(VOLUME, SPACING, LABELS + 0.5), "the labels must hold object IDs"),
+        (Scan(VOLUME, SPACING, LABELS.astype(np.int16) - 1), "the labels must not hold negative"),
+        (Scan(VOLUME, SPACING, scanner_from_scan=2 * np.eye(4)), "the scan must tell where"),
+    ],
+)
+def test_a_scan_that_could_not_be_read_is_not_written(
+    tmp_path: Path, suffix: str, wrong: Scan, message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        save_scan(wrong, tmp_path / f"bag{suffix}")
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_packed_file_is_read_and_not_the_unpacked_one_beside_it(tmp_path: Path) -> None:
     packed, other = np.full((4, 5, 6), 7, np.int16), np.full((3, 5, 6), 9, np.int16)
     save_scan(Scan(packed, (1.0, 1.0, 1.0)), tmp_path / "scan.nii.gz")

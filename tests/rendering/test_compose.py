@@ -265,6 +265,22 @@ def test_a_ruler_lies_upon_the_sprite_that_was_measured(fov: float) -> None:
     np.testing.assert_allclose(np.ptp(drawn, axis=0), (14 * 4 + 8, 7 * 4 + 8), atol=3)
 
 
+@pytest.mark.parametrize("far", [1e20, 1e99, 1e308])
+@pytest.mark.parametrize("more", [[], [[20.0, 25.0, 20.0]]])
+def test_a_ruler_to_a_far_point_is_drawn_up_to_the_edge_or_not_at_all(far, more) -> None:
+    size, camera = (120, 160), Camera(np.eye(3), np.full(3, 20.0), 60.0, 0.0)
+    ends = np.array([[20.0, 20.0, far], [20.0, 20.0, 20.0], *more])
+    still = replace(make_scene(), packed=frozenset(), decorations=Decorations.of("black", []))
+    numbers = ("", "", "")[: 2 * len(more) + 1]
+    plain = scene_image(still, camera, size)
+    ruler = Ruler(frozenset({0}), ends, numbers)
+    image = scene_image(replace(still, rulers=(ruler,)), camera, size)
+    assert np.isfinite(image).all()
+    drawn = np.abs(image - plain).max(axis=-1) > 0.1
+    # Farther than numbers reach there is no line.
+    assert drawn[58:62, 100:].any(axis=0).all() == (far < 1e100)
+
+
 @pytest.mark.parametrize("fov", [0.0, 60.0])
 def test_where_a_flight_ends_it_looks_as_its_sprite_does(fov: float) -> None:
     camera = Camera(np.eye(3), np.full(3, 20.0), 60.0, fov)

@@ -285,19 +285,45 @@ TOO_LARGE = (
         ({"backend": "cuda"}, ValueError, "backend"),
         ({"hidden": "12"}, TypeError, "hidden"),
         ({"hidden": [1.5]}, TypeError, "hidden"),
+        ({"hidden": [True, 2]}, TypeError, "hidden must hold object IDs"),
+        ({"tints": {1.7: (1, 0, 0)}}, TypeError, "tints must hold object IDs"),
+        ({"tints": {"2": (1, 0, 0)}}, TypeError, "tints must hold object IDs"),
         ({"tints": {1: (1, 2, 0)}}, ValueError, "tints"),
         ({"tints": {1: (1, 0)}}, ValueError, "tints"),
         ({"step": 0.0}, ValueError, "step"),
         ({"step": 1e-12}, ValueError, "step must be a number of mm, .* of the shortest voxel"),
         ({"step": 1e300}, ValueError, "step must be a number of mm, .* to 1e"),
         ({"size": (np.nan, 4)}, ValueError, "two positive integers"),
-        ({"clipping": [[0, 0, 1]]}, ValueError, "clipping"),
     ],
 )
 def test_bad_input_is_refused_by_name(arguments, error, message) -> None:
     given = {"volume": ONES, "labels": ONES, "transfer_function": Fog(), "size": (4, 4), **CPU}
     with pytest.raises(error, match=message):
         rendering.render(**{**given, **arguments})
+
+
+@pytest.mark.parametrize("backend", ["cpu", "gl"])
+@pytest.mark.parametrize(
+    ("planes", "message"),
+    [
+        ([[0, 0, 1]], "clipping must be"),
+        ([[[1, 1, 1], [0, 0, 1]]] * 9, "clipping must be"),
+        ([[[np.nan, 1, 1], [0, 0, 1]]], "clipping must hold finite"),
+        ([[[1, 1, 1], [0, 0, 0]]], "clipping must hold finite"),
+    ],
+)
+def test_planes_that_cut_nothing_are_refused_by_both_backends(planes, message, backend) -> None:
+    given = {"transfer_function": Fog(), "size": (4, 4), "backend": backend, "clipping": planes}
+    with pytest.raises(ValueError, match=message):
+        rendering.render(ONES, ONES, **given)
+    with pytest.raises(ValueError, match=message):
+        rendering.pick(ONES, ONES, **given)
+
+
+def test_no_planes_cut_nothing() -> None:
+    given = {"transfer_function": Fog(), "size": (4, 4), **CPU}
+    whole = rendering.render(ONES, ONES, **given)
+    np.testing.assert_array_equal(rendering.render(ONES, ONES, clipping=[], **given), whole)
 
 
 def test_too_many_objects_layers_pixels_and_definitions() -> None:

@@ -1,4 +1,5 @@
 from collections import Counter
+from dataclasses import replace
 from itertools import groupby
 
 import numpy as np
@@ -89,6 +90,13 @@ def test_every_stage_checks_at_every_slab_and_progress_never_falls(few, reports)
     # Steps within steps begin and end at one fraction; a bar that stands while something goes over
     # all 16 slabs would tell one fraction as often.
     assert max(len(list(told)) for _, told in groupby(fractions)) < 8
+
+
+def test_what_was_found_is_told_in_a_line(few):
+    found = few[1]
+    count = len(found.objects)
+    assert repr(found) == f"Segmentation({count} objects in (64, 64, 64) voxels)"
+    assert repr(replace(found, objects=found.objects[:1])).startswith("Segmentation(1 object in")
 
 
 def test_ids_run_from_the_largest_object_to_the_smallest_without_gaps(few):

@@ -287,6 +287,57 @@ def test_what_is_inside_looks_the_same_wherever_the_scan_has_its_zero() -> None:
     assert opened_case(1, 0.0, -2000.0).volume.min() == 0
 
 
+def boxed() -> Session:
+    """Return a box (1) around a pearl (2) and a brick (3), with a coin (4) beside it."""
+    labels = np.zeros((24, 24, 30), np.uint16)
+    labels[2:22, 2:22, 2:22] = 1
+    labels[3:21, 3:21, 3:21] = 0
+    labels[6:12, 6:12, 6:12], labels[13:19, 6:18, 6:18], labels[4:8, 4:8, 24:28] = 2, 3, 4
+    names = pd.DataFrame({"name": ["box", "pearl", "brick", "coin"]}, index=[1, 2, 3, 4])
+    made = Session(labels * np.float32(700), labels, objects=names)
+    made.backend = "cpu"
+    return made
+
+
+def names_of(session: Session, *ids: int) -> list[str]:
+    return session.objects["name"][list(ids)].tolist()
+
+
+def test_what_is_opened_again_has_the_names_of_now() -> None:
+    outer = boxed()
+    bags = outer.opened_bags
+    inner = bags.open(outer, 1)
+    # Split inside, a part has an ID that another object has outside.
+    assert inner.split(3, (14, 8, 8), (14, 16, 8)) == 4
+    inner.rename(4, "half a brick")
+    inner.rename(3, "stone")
+    outer.rename(2, "gem")
+    outer.rename(3, "rock")
+    outer.rename(4, "penny")
+    assert bags.open(outer, 1) is inner
+    assert names_of(inner, 1, 2, 3, 4) == ["box", "gem", "stone", "half a brick"]
+    # It is no step of undo.
+    assert [step.verb for step in inner.history.done] == ["split", "rename", "rename"]
+    bags.leave(outer, 1)
+    assert names_of(outer, 1, 2, 3, 4) == ["box", "gem", "stone", "penny"]
+    # One undo takes them back, and later names of the bag hold inside.
+    outer.undo()
+    assert names_of(outer, 3) == ["rock"]
+    assert names_of(bags.open(outer, 1), 3) == ["rock"]
+    bags.leave(outer, 1)
+    assert names_of(outer, 3) == ["rock"]
+
+
+def test_parts_of_one_object_share_no_names_with_the_bag(session: Session) -> None:
+    inner = session.opened_bags.open(session, 1)
+    inner.rename(2, "food")
+    session.rename(2, "block")
+    assert session.opened_bags.open(session, 1) is inner
+    session.opened_bags.leave(session, 1)
+    assert names_of(inner, 2) == ["food"]
+    assert names_of(session, 2) == ["block"]
+
+
 def test_what_was_opened_knows_what_is_inside_its_own_contents() -> None:
     labels = np.zeros((30, 30, 30), np.int64)
     labels[2:28, 2:28, 2:28] = 100001

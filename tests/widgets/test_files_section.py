@@ -15,13 +15,15 @@ import pytest
 from napari.layers import Image
 from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
-from qtpy.QtCore import Qt
-from qtpy.QtWidgets import QApplication, QFileDialog, QMessageBox
+from qtpy.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
+from qtpy.QtGui import QCursor, QDropEvent
+from qtpy.QtWidgets import QApplication, QFileDialog, QMessageBox, QSplitter
 
 import napari_unpack as nu
 from napari_unpack import file_sizes, memory
 from napari_unpack.geometry.view import View
 from napari_unpack.io.headless import packed_copy
+from napari_unpack.layers import compat
 from napari_unpack.session.framing import contained, fitted
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.contributions import get_session_reader, open_dropped
@@ -344,6 +346,70 @@ def test_a_dropped_session_opens_in_the_panel(
     qtbot.waitUntil(lambda: other.workspace.session is not None, timeout=30000)
     assert len(out(other)) == 2
     other.end()
+
+
+def test_a_session_opens_in_the_viewer_that_it_was_dropped_on(
+    viewer: Any, make_napari_viewer: Viewers, qtbot: QtBot, tmp_path: Path
+) -> None:
+    path = nu.save_session(nu.Session(*pile_of_balls()), tmp_path / "dropped.unpack")
+    other = make_napari_viewer(show=True)
+    windows = [compat.native_window(one) for one in (viewer, other)]
+    # The one that was made last is in front, and is the one that napari calls current.
+    windows[0].move(0, 0)
+    windows[1].move(windows[0].width() // 2, 200)
+    inside = windows[0].mapToGlobal(QPoint(40, 150))
+    QCursor.setPos(inside)
+    qtbot.waitUntil(lambda: QCursor.pos() == inside, timeout=5000)
+    qtbot.waitUntil(lambda: QApplication.topLevelAt(inside) is windows[0], timeout=5000)
+    drop(viewer, path)
+    (panel,) = windows[0].findChildren(UnpackingWidget)
+    assert windows[1].findChildren(UnpackingWidget) == []
+    done(panel, qtbot)
+    panel.end()
+
+
+def test_a_dropped_file_leaves_the_panel_where_it_stands(
+    viewer: Any, qtbot: QtBot, tmp_path: Path
+) -> None:
+    panel = from_the_menu(viewer)
+    dock = panel.parent()
+    dock.setFloating(True)
+    nonsense = tmp_path / "nonsense.unpack"
+    nonsense.write_bytes(b"PK nothing")
+    path = nu.save_session(nu.Session(*pile_of_balls()), tmp_path / "dropped.unpack")
+    for dropped in (nonsense, path):
+        # Hidden, with its progress.
+        dock.hide()
+        drop(viewer, dropped)
+        done(panel, qtbot)
+        assert panel.parent() is dock
+        assert dock.isFloating()
+        assert dock.isVisible()
+    assert panel.workspace.session is not None
+    panel.end()
+
+
+def from_the_menu(viewer: Any) -> UnpackingWidget:
+    """Choose Virtual Unpacking in the menu Plugins; return the panel."""
+    menus = [viewer.window.plugins_menu]
+    for menu in menus:
+        menu.aboutToShow.emit()
+        menus += [action.menu() for action in menu.actions() if action.menu() is not None]
+    actions = [action for menu in menus for action in menu.actions()]
+    next(one for one in actions if "Virtual Unpacking" in one.text() and not one.menu()).trigger()
+    (panel,) = compat.native_window(viewer).findChildren(UnpackingWidget)
+    return panel
+
+
+def drop(viewer: Any, path: Path) -> None:
+    """Drop a file on a viewer's canvas, wherever the mouse is."""
+    told = QMimeData()
+    told.setUrls([QUrl.fromLocalFile(str(path))])
+    action, button = Qt.DropAction.CopyAction, Qt.MouseButton.LeftButton
+    event = QDropEvent(QPointF(40, 150), action, told, button, Qt.KeyboardModifier.NoModifier)
+    # napari's viewer is the splitter around its canvas.
+    splitters = compat.native_window(viewer).findChildren(QSplitter)
+    next(one for one in splitters if one.acceptDrops()).dropEvent(event)
 
 
 def test_exports_are_written_and_the_view_is_not_disturbed(

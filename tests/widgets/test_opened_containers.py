@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
 
@@ -157,6 +158,59 @@ def test_what_was_taken_out_inside_is_still_out_when_the_object_is_opened_again(
     commands.restore(1)
     at_rest(workspace.controller, qtbot)
     assert list(states(workspace.session).values()).count("UNPACKED") == 1
+
+
+def test_a_stroke_inside_is_taken_back_and_one_in_the_bag_counts(
+    studied: Any, qtbot: QtBot
+) -> None:
+    _, panel, outer, layer, _ = studied
+    before = layer.data.copy()
+    panel.workspace.open_container(1)
+    at_rest(panel.workspace.controller, qtbot)
+    layer.n_edit_dimensions = 3
+    layer.paint((1, 1, 1), 1)
+    assert not np.array_equal(layer.data, before)
+    qtbot.waitUntil(lambda: np.array_equal(layer.data, before), timeout=20000)
+    assert "go back to the bag first" in notification_manager.records[-1].message
+    assert not panel.unsaved.changed
+    panel.workspace.leave_container()
+    layer.paint((1, 1, 1), 1)
+    qtbot.waitUntil(lambda: outer.labels[1, 1, 1] == 1, timeout=20000)
+    assert panel.unsaved.changed
+
+
+def test_the_automatic_curve_is_called_so_inside_and_names_given_there_stay(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    labels = np.zeros((20, 30, 40), np.uint16)
+    labels[4:16, 5:25, 5:25] = 1
+    labels[5:15, 6:24, 6:24] = 0
+    labels[7:13, 8:14, 8:14], labels[4:16, 5:25, 29:37] = 2, 3
+    viewer.add_image((labels == 1) * 1000 + (labels == 2) * 2500 + (labels == 3) * 4000.0)
+    outer = controller_with(panel, qtbot, viewer.add_labels(labels, name="expert"))
+    workspace, preset = panel.workspace, panel.color.preset
+    at_rest(workspace.controller, qtbot)
+    assert preset.currentText() == "Automatic"
+    shown = outer.transfer_function
+    panel.commands.open_container(1)
+    at_rest(workspace.controller, qtbot)
+    inner = workspace.session
+    assert inner is not outer
+    # The named curves are made in a worker.
+    qtbot.waitUntil(lambda: not workspace.scheduler.has("named curves"), timeout=20000)
+    assert preset.currentText() == "Automatic"
+    preset.setCurrentText("Metal")
+    preset.activated.emit(preset.currentIndex())
+    assert inner.transfer_function != shown
+    preset.setCurrentText("Automatic")
+    preset.activated.emit(preset.currentIndex())
+    assert inner.transfer_function == shown
+    panel.commands.rename(2, "pearl")
+    press(qtbot, panel.unpack.back_to_bag)
+    assert workspace.session is outer
+    assert outer.objects["name"][2] == "pearl"
+    panel.commands.undo()
+    assert outer.objects["name"][2] == "Object 2"
 
 
 def test_an_object_that_was_repaired_is_opened_anew(studied: Any, qtbot: QtBot) -> None:

@@ -139,6 +139,27 @@ def test_nothing_of_the_scan_stays_on_disk_once_keeping_is_switched_off(
     qtbot.waitUntil(lambda: out_on_disk() == 3, timeout=10000)
 
 
+def test_what_was_discarded_for_nothing_is_kept_again(
+    worked: UnpackingWidget, qtbot: QtBot, tmp_path: Path
+) -> None:
+    panel = worked
+    panel.unsaved.found_in(61)
+    for count in (0, 1):
+        if count:
+            press(qtbot, panel.unpack.next)
+        panel.keeper.follow()
+        qtbot.waitUntil(lambda count=count: out_on_disk() == count, timeout=10000)
+        qtbot.waitUntil(lambda: on_disk() is not None, timeout=10000)
+        # It is work when the window closes: where nothing was done no question comes before it.
+        panel.unsaved.give_up()
+        qtbot.waitUntil(lambda: on_disk() is None, timeout=10000)
+        panel.files.open_from(tmp_path / "missing.unpack")
+        qtbot.waitUntil(lambda: not panel.files.progress.running, timeout=60000)
+        assert panel.unsaved.worth_keeping
+        qtbot.waitUntil(lambda: on_disk() is not None, timeout=10000)
+        assert out_on_disk() == count
+
+
 @pytest.mark.parametrize("discarded", [True, False])
 def test_a_closed_viewer_leaves_only_what_nobody_was_asked_about(
     viewer: Any, worked: UnpackingWidget, qtbot: QtBot, discarded: bool

@@ -75,7 +75,7 @@ def test_table_facts_page_and_csv_follow_the_unit(
     save_objects_csv(piled.objects, tmp_path / "table.csv", piled.length_unit)
     table = pd.read_csv(tmp_path / "table.csv", index_col="id")
     assert table["volume_voxels"][1] == pytest.approx(count, rel=1e-5)
-    assert table["z"][1] == pytest.approx(piled.objects["z"][1] / 2 ** (1 / 3), rel=1e-5)
+    assert table["z_voxels"][1] == pytest.approx(piled.objects["z"][1] / 2 ** (1 / 3), rel=1e-5)
     save_session(piled, tmp_path / "saved.unpack")
     assert open_session(tmp_path / "saved.unpack").length_unit == piled.length_unit
 

@@ -139,9 +139,10 @@ def draw_edges(
         # An end behind the eye projects to the other side of the image.
         if camera.behind_eye(ends):
             continue
-        (r0, c0), (r1, c1) = camera.pixels(ends, size)
-        t0, t1 = -ends[:, 0]
-        _stroke(alpha, depth, r0, c0, t0, r1, c1, t1, half, camera.distance)
+        t = -ends[:, 0]
+        linear = t if np.isinf(camera.distance) else 1 / (camera.distance + t)
+        line = np.column_stack([camera.pixels(ends, size), linear])
+        _draw(alpha, depth, line, half, camera.distance)
     color = np.array([*ink[:3], 1.0], np.float32) * np.float32(ink[3])
     return alpha[..., None] * color, depth
 
@@ -162,9 +163,53 @@ def stroke_cover(
     """
     cover, depth = np.zeros(size, np.float32), np.full(size, np.inf, np.float32)
     for line in lines:
-        for (r0, c0), (r1, c1) in pairwise(line):
-            _stroke(cover, depth, r0, c0, 0.0, r1, c1, 0.0, half, np.inf)
+        for ends in pairwise(line):
+            _draw(cover, depth, np.insert(ends, 2, 0.0, axis=1), half, np.inf)
     return cover
+
+
+def _draw(
+    alpha: NDArray[np.float32],
+    depth: NDArray[np.float32],
+    line: NDArray[np.float64],
+    half: float,
+    distance: float,
+) -> None:
+    # So far outside no pixel of the image is touched.
+    near = _cut_line(line, alpha.shape, half + 1)
+    if near is not None:
+        (r0, c0, u0), (r1, c1, u1) = near
+        _stroke(alpha, depth, r0, c0, u0, r1, c1, u1, half, distance)
+
+
+def _cut_line(
+    line: NDArray[np.float64], size: tuple[int, ...], margin: float
+) -> NDArray[np.float64] | None:
+    """Return the part of a straight line that lies in the image; None where none does.
+
+    Parameters
+    ----------
+    line : (2, N) ndarray of float64
+        Row and column of its ends, pixels, and what else is linear in the image.
+    size : (int, int)
+        Height and width of the image, pixels.
+    margin : float
+        Pixels around the image that count as in it.
+    """
+    cut = line.copy()
+    for axis, count in enumerate(size):
+        for side, bound in ((-1, -margin), (1, count - 1 + margin)):
+            outside = side * (cut[:, axis] - bound) > 0
+            if outside.all():
+                return None
+            if outside.any():
+                (out,), (within,) = cut[outside], cut[~outside]
+                share = (bound - within[axis]) / (out[axis] - within[axis])
+                end = within + share * (out - within)
+                # Exactly, however far the end was and however it was rounded.
+                end[axis] = bound
+                cut[outside] = end
+    return cut
 
 
 def scale_mark(
@@ -264,7 +309,7 @@ def round_length(longest: float, unit: LengthUnit = MM) -> tuple[float, str]:
 
 
 @njit(cache=True, nogil=True)
-def _stroke(alpha, depth, r0, c0, t0, r1, c1, t1, half, distance):  # type: ignore[no-untyped-def]
+def _stroke(alpha, depth, r0, c0, u0, r1, c1, u1, half, distance):  # type: ignore[no-untyped-def]
     height, width = alpha.shape
     dr, dc = r1 - r0, c1 - c0
     length = np.sqrt(dr * dr + dc * dc)
@@ -290,9 +335,6 @@ def _stroke(alpha, depth, r0, c0, t0, r1, c1, t1, half, distance):  # type: igno
             cover = min(max(half + 0.5 - off, 0.0), min(1.0, 2 * half))
             if cover > alpha[row, col]:
                 alpha[row, col] = cover
-                if distance == np.inf:
-                    depth[row, col] = t0 + along * (t1 - t0)
-                else:
-                    # 1 / (distance + t) is linear in the image; t itself is not.
-                    near = (1 - along) / (distance + t0) + along / (distance + t1)
-                    depth[row, col] = 1 / near - distance
+                # Linear in the image: t without perspective, else 1 / (distance + t).
+                u = u0 + along * (u1 - u0)
+                depth[row, col] = u if distance == np.inf else 1 / u - distance

@@ -14,6 +14,8 @@ from typing import Any
 import networkx as nx
 import numpy as np
 
+from napari_unpack.geometry.axes import number
+
 # Hue distance of neighbours beyond which nothing is gained: 28 and more by CIEDE2000, where 10 is
 # another colour at a glance. Further apart, hues would be few.
 AMPLE = 0.2
@@ -207,14 +209,17 @@ def assign_hues(
         arcs are at least margin / C apart. 0 is the paper's.
     separation : float, optional
         With `previous`: hue distance under which two neighbours count as too alike, by default
-        margin / C (0.5 / C where there is no margin), which a fresh assignment always meets.
+        margin / C (0.5 / C where there is no margin), which a fresh assignment always meets. From
+        0 to 0.5, the other side of the circle.
     locked : collection of int
         With `previous`: objects whose hue is not to change.
 
     Raises
     ------
     ValueError
-        If `margin` is outside [0, 1).
+        If `margin` is outside [0, 1), `separation` outside [0, 0.5], or a previous hue not finite.
+    TypeError
+        If one of the first two is no number.
 
     Notes
     -----
@@ -222,8 +227,13 @@ def assign_hues(
     (section 7), see `keep_hues`. Where not every conflict can be settled by moving objects one
     by one the assignment starts afresh, keeping the locked hues alone.
     """
-    if not 0.0 <= margin < 1.0:
+    if not 0.0 <= number(margin, "margin") < 1.0:
         raise ValueError(f"margin must be in [0, 1), got {margin!r}")
+    if separation is not None and not 0.0 <= number(separation, "separation") <= 0.5:
+        raise ValueError(f"separation must be in [0, 0.5], got {separation!r}")
+    for node, hue in (previous or {}).items():
+        if not isinstance(hue, int | float | np.number) or not np.isfinite(hue):
+            raise ValueError(f"previous must hold finite hues, got {hue!r} for object {node}")
     classes = color_classes(graph)
     known = {node: previous[node] for node in graph if node in previous} if previous else {}
     if not known:

@@ -6,6 +6,7 @@ x, y, z exists only towards vispy and file formats, and `flip` converts it there
 from __future__ import annotations
 
 from collections.abc import Iterable
+from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,6 +30,34 @@ def flip_matrix(matrix: ArrayLike) -> Matrix:
     """Reorder an affine or projective (4, 4) column-vector matrix between zyx and xyz."""
     order = [2, 1, 0, 3]
     return np.asarray(matrix, dtype=np.float64)[np.ix_(order, order)]
+
+
+def fixed(array: ArrayLike) -> NDArray[np.float64]:
+    """Return an array that nobody can write to: itself where it is one, else a copy."""
+    found = np.asarray(array, dtype=np.float64)
+    if found.flags.writeable:
+        found = found.copy()
+        found.flags.writeable = False
+    return found
+
+
+def number(value: object, name: str) -> float:
+    """Return a real number as a plain one.
+
+    Parameters
+    ----------
+    value : object
+    name : str
+        What to call it in the error.
+
+    Raises
+    ------
+    TypeError
+        If it is none.
+    """
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise TypeError(f"{name} must be a number, got {value!r}")
+    return float(value)
 
 
 def unit(vector: ArrayLike, name: str = "vector") -> Vector:
@@ -58,7 +87,7 @@ def unit(vector: ArrayLike, name: str = "vector") -> Vector:
 
 
 def checked_spacing(spacing: ArrayLike, name: str = "spacing") -> NDArray[np.float64]:
-    """Check a voxel size.
+    """Return a voxel size as an array that nobody can write to.
 
     Parameters
     ----------
@@ -71,7 +100,7 @@ def checked_spacing(spacing: ArrayLike, name: str = "spacing") -> NDArray[np.flo
     ValueError
         If it is not three positive finite numbers, or no microscope and no telescope has such.
     """
-    mm = np.asarray(spacing, dtype=np.float64)
+    mm = fixed(spacing)
     if mm.shape != (3,) or not (np.isfinite(mm) & (mm > 0)).all():
         raise ValueError(f"{name} must be three positive numbers of mm (z, y, x), got {spacing!r}")
     if mm.min() < 1 / LARGEST_SPACING or mm.max() > min(LARGEST_SPACING, STRETCHED * mm.min()):

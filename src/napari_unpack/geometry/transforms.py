@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
-from napari_unpack.geometry.axes import Matrix, Vector, transform_points, unit
+from napari_unpack.geometry.axes import Matrix, Vector, fixed, transform_points, unit
 from napari_unpack.geometry.view import Camera
 
 
@@ -73,6 +73,11 @@ class Pose:
     rotation: Matrix
     scale: float = 1.0
     stretch: Matrix = field(default_factory=lambda: np.eye(3))
+
+    def kept(self) -> Pose:
+        """Return it with arrays that nobody can write to and a plain scale."""
+        turn, stretch = fixed(self.rotation), fixed(self.stretch)
+        return Pose(fixed(self.center), turn, float(self.scale), stretch)
 
     def pivot_from_world(self, box_center: ArrayLike) -> Matrix:
         """Return the (4, 4) map from the packed bag's world mm to pivot space."""

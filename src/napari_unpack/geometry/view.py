@@ -11,7 +11,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.geometry.axes import Matrix, Vector, transform_points, unit
+from napari_unpack.geometry.axes import (
+    Matrix,
+    Vector,
+    fixed,
+    number,
+    transform_points,
+    triple,
+    unit,
+)
 
 # Up in a CT scan as scanners lay it out: rows (y) grow downwards, towards the table.
 GRAVITY_UP: tuple[float, float, float] = (0.0, -1.0, 0.0)
@@ -29,52 +37,72 @@ BEFORE_EYE = 0.98
 STEEPEST = 0.97
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class View:
     """What a person wants to see; whatever is None is chosen from the volume.
 
+    It holds plain tuples and numbers, whatever arrays they were taken from.
+
     Parameters
     ----------
-    direction : (3,) sequence of float
+    direction : (3,) array_like
         Direction of looking, world (z, y, x). Need not be of unit length.
-    up : (3,) sequence of float, optional
+    up : (3,) array_like, optional
         What is up in the image. By default -y, or -z when looking nearly along y.
-    center : (3,) sequence of float, optional
+    center : (3,) array_like, optional
         World point in the middle of the image, mm. By default the middle of the volume.
     height : float, optional
         Visible height at the centre, mm. By default the diameter of the volume's bounding
         sphere, enlarged in perspective so that the sphere just touches the frame.
     fov : float
         Vertical field of view in degrees, 0 (orthographic) to below 170.
+
+    Raises
+    ------
+    TypeError
+        If `height` or `fov` is no number.
+    ValueError
+        If there is no such view.
     """
 
-    direction: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    up: tuple[float, float, float] | None = None
-    center: tuple[float, float, float] | None = None
-    height: float | None = None
-    fov: float = 0.0
+    direction: tuple[float, float, float]
+    up: tuple[float, float, float] | None
+    center: tuple[float, float, float] | None
+    height: float | None
+    fov: float
 
-    def __post_init__(self) -> None:
-        unit(self.direction, "direction")
-        if self.up is not None:
-            unit(self.up, "up")
-            # Nearly parallel vectors leave up in the image to rounding.
-            if np.linalg.norm(np.cross(unit(self.direction), unit(self.up))) < 1e-6:
+    # Written out: what is given may be lists and arrays, what is held is plain.
+    def __init__(
+        self,
+        direction: ArrayLike = (0.0, 0.0, 1.0),
+        up: ArrayLike | None = None,
+        center: ArrayLike | None = None,
+        height: float | None = None,
+        fov: float = 0.0,
+    ) -> None:
+        looking = unit(direction, "direction")
+        # Nearly parallel vectors leave up in the image to rounding.
+        if up is not None and np.linalg.norm(np.cross(looking, unit(up, "up"))) < 1e-6:
+            raise ValueError(
+                f"up must not be parallel to direction, got up={up!r}, direction={direction!r}"
+            )
+        if center is not None:
+            middle = np.asarray(center, dtype=np.float64)
+            if middle.shape != (3,) or not np.isfinite(middle).all():
                 raise ValueError(
-                    f"up must not be parallel to direction, got up={self.up!r}, "
-                    f"direction={self.direction!r}"
+                    f"center must be three finite numbers of mm (z, y, x), got {center!r}"
                 )
-        if self.center is not None:
-            center = np.asarray(self.center, dtype=np.float64)
-            if center.shape != (3,) or not np.isfinite(center).all():
-                raise ValueError(
-                    f"center must be three finite numbers of mm (z, y, x), got {self.center!r}"
-                )
+        angle = number(fov, "fov")
         # Towards 180 degrees the eye comes to stand in the plane it looks at.
-        if not 0.0 <= self.fov < 170.0:
-            raise ValueError(f"fov must be in [0, 170) degrees, got {self.fov!r}")
-        if self.height is not None and not (np.isfinite(self.height) and self.height > 0):
-            raise ValueError(f"height must be a positive number of mm, got {self.height!r}")
+        if not 0.0 <= angle < 170.0:
+            raise ValueError(f"fov must be in [0, 170) degrees, got {fov!r}")
+        mm = None if height is None else number(height, "height")
+        if mm is not None and not 0.0 < mm < np.inf:
+            raise ValueError(f"height must be a positive number of mm, got {height!r}")
+        vectors = {"direction": direction, "up": up, "center": center}
+        plain = {k: None if v is None else triple(np.asarray(v)) for k, v in vectors.items()}
+        for name, value in {**plain, "height": mm, "fov": angle}.items():
+            object.__setattr__(self, name, value)
 
     def camera(
         self, shape: tuple[int, ...], spacing: ArrayLike, stretch: Matrix | None = None
@@ -136,6 +164,13 @@ class Camera:
     height: float
     fov: float = 0.0
     stretch: Matrix = field(default_factory=lambda: np.eye(3))
+
+    def __post_init__(self) -> None:
+        """Keep arrays that nobody can write to, and plain numbers: sessions hand cameras out."""
+        for name in ("rotation", "center", "stretch"):
+            object.__setattr__(self, name, fixed(getattr(self, name)))
+        object.__setattr__(self, "height", float(self.height))
+        object.__setattr__(self, "fov", float(self.fov))
 
     @classmethod
     def looking(

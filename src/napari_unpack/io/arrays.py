@@ -15,6 +15,7 @@ from napari_unpack.io.file_data import NO_VOXEL_SIZE, SPACE, FileData
 from napari_unpack.io.scan import (
     Scan,
     Spacing,
+    check_one_shape,
     checked_label_array,
     checked_place,
     checked_spacing,
@@ -50,11 +51,8 @@ def read_npz(path: Path, large: bool = False) -> FileData:
         volume = checked_volume_array(volume, f"'volume' of {path}")
     if labels is not None:
         labels = checked_label_array(labels, f"'labels' of {path}")
-    if volume is not None and labels is not None and volume.shape != labels.shape:
-        raise ValueError(
-            f"'volume' and 'labels' of {path} must have one shape, "
-            f"got {volume.shape} and {labels.shape}"
-        )
+    if volume is not None and labels is not None:
+        check_one_shape(volume, labels, path)
     assumed = _sentences(arrays.get("assumed")) if "spacing" in arrays else (NO_VOXEL_SIZE,)
     spacing = checked_spacing(arrays.get("spacing", np.ones(3)), path)
     place = arrays.get("scanner_from_scan")

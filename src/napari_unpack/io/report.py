@@ -221,8 +221,8 @@ def save_objects_csv(objects: pd.DataFrame, path: str | Path, unit: LengthUnit =
     path : str or Path
         The file; its folder must exist.
     unit : LengthUnit
-        Of volumes, centres and ratios, such as `Session.length_unit`; the names of columns say
-        which.
+        Of volumes, centres and ratios, such as `Session.length_unit`. Other units than mm stand
+        in the names of these columns: z is then z_um or z_voxels.
     """
     target = Path(path)
     objects = _in_unit(objects, unit).map(_not_a_formula)
@@ -244,8 +244,7 @@ def save_measurements_csv(session: Session, path: str | Path) -> Path:
     import pandas as pd
 
     unit = session.length_unit
-    # As columns of other tables are called.
-    suffix = "um" if unit.name == MICRO else unit.name
+    suffix = _suffix(unit)
     rows = []
     for one in session.measurements:
         lengths = [mm * unit.per_mm for mm in one.lengths]
@@ -280,10 +279,22 @@ def _not_a_formula(value: Any) -> Any:
     return f"'{value}" if isinstance(value, str) and value[:1] in set("=+-@\t\r") else value
 
 
+def _suffix(unit: LengthUnit) -> str:
+    return "um" if unit.name == MICRO else unit.name
+
+
 def _in_unit(objects: pd.DataFrame, unit: LengthUnit) -> pd.DataFrame:
+    # As they have always been called.
     if unit == MM:
         return objects
-    names = {"mm": "volume_mm3", "voxels": "volume_voxels"}
     powers = {"volume_mm3": 3, "z": 1, "y": 1, "x": 1, "isoperimetric_ratio": -1}
     told = {name: objects[name] * unit.per_mm**n for name, n in powers.items() if name in objects}
-    return objects.assign(**told).rename(columns={"volume_mm3": names.get(unit.name, "volume_um3")})
+    table = objects.assign(**told)
+    if unit.name == "mm":
+        return table
+    suffix = _suffix(unit)
+    names = {axis: f"{axis}_{suffix}" for axis in "zyx"} | {
+        "volume_mm3": "volume_voxels" if unit.name == "voxels" else f"volume_{suffix}3",
+        "isoperimetric_ratio": f"isoperimetric_ratio_per_{suffix}",
+    }
+    return table.rename(columns=names)

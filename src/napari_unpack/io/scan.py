@@ -60,6 +60,47 @@ class Scan:
         return replace(self, labels=labels, names=None)
 
 
+def check_scan(scan: Scan) -> None:
+    """Refuse a scan that could not be read from the file that it was written to.
+
+    Parameters
+    ----------
+    scan : Scan
+
+    Raises
+    ------
+    ValueError
+        If its volume or its labels are none, differ in shape, or the voxel size or the place in
+        the scanner is none.
+    """
+    volume = checked_volume_array(scan.volume, "the volume")
+    if scan.labels is not None:
+        check_one_shape(volume, checked_label_array(scan.labels, "the labels"), "the scan")
+    checked_spacing(scan.spacing, "the scan")
+    checked_place(scan.scanner_from_scan, "the scan")
+
+
+def check_one_shape(volume: NDArray[Any], labels: NDArray[Any], source: object) -> None:
+    """Refuse labels of another shape than their volume's.
+
+    Parameters
+    ----------
+    volume, labels : (Z, Y, X) ndarray
+    source : object
+        What holds them, for the message.
+
+    Raises
+    ------
+    ValueError
+        If the shapes differ.
+    """
+    if volume.shape != labels.shape:
+        raise ValueError(
+            f"'volume' and 'labels' of {source} must have one shape, "
+            f"got {volume.shape} and {labels.shape}"
+        )
+
+
 def checked_place(matrix: ArrayLike | None, source: object) -> axes.Matrix | None:
     """Return where a scan lies, see `Scan.scanner_from_scan`; None where it is not told.
 

@@ -259,7 +259,7 @@ def state_from(fields: Fields, data: LabelData, rules: UnpackingRules) -> Sessio
     for i, hue in fields.by_id("hues", known).items():
         if not isinstance(hue, int | float) or not 0.0 <= hue <= 1.0:
             raise ValueError(f"session.situation.hues.{i} must be from 0 to 1, got {hue!r}")
-        hues[i] = float(hue)
+        hues[i] = float(hue) % 1.0
     names = {i: str(name) for i, name in fields.by_id("names", known).items()}
     most = data.most_objects
     placements = dict(_read_placement(part, known, most) for part in fields.parts("out"))
@@ -412,7 +412,7 @@ def decorations_record(around: Decorations) -> dict[str, Any]:
         "box": around.box,
         "scale": around.scale,
         "measurements": around.measurements,
-        "unit": {"name": around.unit.name, "per_mm": around.unit.per_mm},
+        "unit": {"name": around.unit.name, "per_mm": float(around.unit.per_mm)},
     }
 
 
@@ -608,6 +608,26 @@ def session_from(record: Mapping[str, Any], volume: ArrayLike, labels: ArrayLike
     fields = Fields(record, "session")
     density, spacing = checked_volume(volume), checked_spacing(fields.array("spacing", (3,)))
     data = label_data_from(fields.part("objects"), density, labels, spacing)
+    return _with_labels(fields, density, data)
+
+
+def check_record(record: Mapping[str, Any], session: Session) -> None:
+    """Refuse a record that no session could be made of; its labels are not measured anew.
+
+    Parameters
+    ----------
+    record : mapping
+        From `record_of`, as JSON reads it.
+    session : Session
+        That it was made of.
+    """
+    fields = Fields(record, "session")
+    _facts(fields.part("objects"))
+    _with_labels(fields, session.volume, session.label_data)
+
+
+def _with_labels(fields: Fields, density: NDArray[Any], data: LabelData) -> Session:
+    spacing = checked_spacing(fields.array("spacing", (3,)))
     rules = _rules_from(fields.part("rules"))
     state = state_from(fields.part("situation"), data, rules)
     view_state, look = _view_state_from(fields, data.known), fields.part("look")

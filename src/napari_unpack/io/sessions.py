@@ -75,7 +75,8 @@ def save_session(
     Raises
     ------
     ValueError
-        If `copy` is False without a `volume_path`, or a file does not hold these arrays.
+        If `copy` is False without a `volume_path`, a file does not hold these arrays, or
+        something of the session is beyond what `open_session` takes.
     OSError
         If it cannot be written, such as on a full disk; what was there stays.
 
@@ -92,6 +93,8 @@ def save_session(
         raise ValueError("copy=False needs volume_path, the file the volume came from")
     report(0.0, "Saving")
     manifest = manifest_of(session, standing)
+    # What would not open again is not to replace what does.
+    _check(json.loads(written(manifest)), session)
     arrays = {"volume": np.asarray(session.volume), "labels": given_labels(session)}
     # All that is written is of one moment: writing takes long, and a session may go on meanwhile.
     scene, camera = session.scene(), session.camera
@@ -143,9 +146,19 @@ def manifest_of(session: Session, standing: ArrayLike | None) -> dict[str, Any]:
         "written_by": f"napari-unpack {version('napari-unpack')}",
         "session": record_of(session),
         "standing": None if standing is None else np.asarray(standing, np.float64).tolist(),
+        "first_voxel_mm": session.first_voxel_mm.tolist(),
         "containers": _containers_record(session),
         **({} if evidence is None else {"evidence": evidence_record(evidence)}),
     }
+
+
+def _check(manifest: dict[str, Any], session: Session) -> None:
+    from napari_unpack.io.session_json import check_record
+
+    check_record(manifest["session"], session)
+    inside = session.opened_bags.worked_in(session)
+    for told in manifest["containers"]:
+        _check(told, inside[told["object"]])
 
 
 def _containers_record(session: Session) -> list[dict[str, Any]]:
@@ -246,6 +259,9 @@ def open_session(
         report(0.8, "Making the session ready")
         made = partial(session_from, fields["session"], found["volume"], found["labels"])
         session = attended(made, Share(report, 0.8, 1.0, "Making the session ready"))
+        # Older files do not tell.
+        if fields.has("first_voxel_mm"):
+            session.first_voxel_mm = fields.array("first_voxel_mm", (3,))
         _restore_containers(session, fields)
         if fields.has("evidence"):
             shape = session.labels.shape

@@ -22,6 +22,7 @@ from napari_unpack.atomic import (
 )
 from napari_unpack.geometry.axes import Matrix, transform_points
 from napari_unpack.io.optional import needed
+from napari_unpack.session.validation import checked_ids
 from napari_unpack.tasks import SILENT, Progress, Share, attended, no_progress, relayed
 
 if TYPE_CHECKING:
@@ -116,6 +117,8 @@ def save_surfaces(
 
     Raises
     ------
+    TypeError
+        If an ID is no integer.
     ValueError
         If the format or an ID is unknown, or none is given.
     ImportError
@@ -124,10 +127,9 @@ def save_surfaces(
     target, report = checked_surfaces_path(path), progress or no_progress
     needed("trimesh", "trimesh", "writing surfaces")
     # Each once, however often it is named: two surfaces in one place are no solid.
-    wanted = list(dict.fromkeys(session.ids if ids is None else map(int, ids)))
-    strange = [i for i in wanted if i not in session.states]
-    if strange or not wanted:
-        raise ValueError(f"ids must be objects of the session, got {strange or wanted}")
+    wanted = checked_ids(session.ids if ids is None else ids, session.states)
+    if not wanted:
+        raise ValueError("ids must name at least one object, got none")
     check_writable(target)
     meshes = _meshes(session, wanted, standing, report)
     with ExitStack() as stack:

@@ -14,7 +14,7 @@ from napari_unpack.atomic import check_space, check_writable
 from napari_unpack.file_sizes import check_plain_file
 from napari_unpack.io.arrays import read_names, read_npy, read_npz, write_npz
 from napari_unpack.io.file_data import FileData
-from napari_unpack.io.scan import Scan, Spacing, checked_label_array
+from napari_unpack.io.scan import Scan, Spacing, check_scan, checked_label_array
 from napari_unpack.read_errors import read_errors_told
 
 # Headers of two-file formats (.mhd, .nhdr) are read but not written: one volume, one file.
@@ -112,10 +112,11 @@ def save_scan(scan: Scan, path: str | Path) -> list[Path]:
     FileNotFoundError
         If the folder does not exist.
     ValueError
-        If the format cannot be written.
+        If the format cannot be written, or the scan is none that `load_volume` would read.
     ImportError
         If the format needs a package that is not installed.
     """
+    check_scan(scan)
     file = Path(path)
     suffix = suffix_of(file)
     if suffix == ".npz":

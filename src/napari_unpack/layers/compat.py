@@ -120,6 +120,24 @@ def native_window(viewer: napari.Viewer) -> QMainWindow | None:
     return getattr(window, "_qt_window", None)
 
 
+def viewer_dropped_on() -> napari.Viewer | None:
+    """Return the viewer that a file was dropped on, which napari tells no reader.
+
+    It is that whose window the mouse is over, else the one napari calls current; None where there
+    is none.
+    """
+    from napari import current_viewer
+
+    current = current_viewer()
+    if current is None:
+        return None
+    from qtpy.QtGui import QCursor
+    from qtpy.QtWidgets import QApplication
+
+    window = QApplication.topLevelAt(QCursor.pos())
+    return getattr(getattr(window, "_qt_viewer", None), "viewer", None) or current
+
+
 def draw_in_units(viewer: napari.Viewer, layer: Layer, units: Sequence[Any] | None) -> None:
     """Have a layer's visual stand in napari's world now: by itself it waits for the next draw.
 

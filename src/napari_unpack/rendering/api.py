@@ -37,6 +37,7 @@ from napari_unpack.rendering.image_patch import ImagePatch, compose
 from napari_unpack.rendering.validation import (
     Labels,
     checked_labels,
+    checked_planes,
     checked_size,
     checked_view,
     checked_volume,
@@ -202,7 +203,7 @@ def render(
     jitter : bool
         Trade banding for grain.
     clipping : (N, 2, 3) array_like, optional
-        Planes (point, normal) in voxels; what lies behind one is cut away.
+        Up to 8 planes (point, normal) in voxels; what lies behind one is cut away.
     background : optional
         What is behind everything: a name such as "dark", "light", "dusk" or "daylight",
         "#rrggbb", RGB or RGBA numbers, a pair of these (top, bottom), or an image or its path;
@@ -223,13 +224,13 @@ def render(
     given, mm, pixels = checked_labels(labels), checked_spacing(spacing), checked_size(size)
     density = checked_volume(volume, given.array.shape)
     camera = checked_view(view).camera(given.array.shape, mm)
-    scale = step_scale(step, mm)
+    scale, planes = step_scale(step, mm), checked_planes(clipping)
     around = Decorations.of((0, 0, 0, 0) if background is None else background, decorations)
     image, depth = cast_tinted(
         density, given.array, mm, camera, transfer_function or default_for(volume, density),
         given.tints(tints, hidden), pixels,
         step_scale=scale, shading=shading, bricks=Bricks.of(given.array, density),
-        jitter=jitter, clipping=clipping, backend=backend,
+        jitter=jitter, clipping=planes, backend=backend,
     )  # fmt: skip
     boxes = label_boxes(given.array) if around.box else None
     if boxes is not None and len(boxes.ids):
@@ -295,7 +296,7 @@ def pick(
     look = transfer_function or default_for(volume, density)
     shares = contributions(
         density, given.array, rays, mm, look.table(TABLE_ENTRIES), look.domain,
-        given.tints(tints, hidden), clipping=clipping,
+        given.tints(tints, hidden), clipping=checked_planes(clipping),
     )  # fmt: skip
     return [(given.name(label), share) for label, share in by_contribution(shares)]
 

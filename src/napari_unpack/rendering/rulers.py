@@ -25,6 +25,9 @@ FAINT = 0.75
 WIDTH, CROSS, ARC, AWAY, LETTERS = 2.0, 4.0, 26.0, 4.0, 14
 ARC_LINES = 12
 
+# mm. Squares of what is much farther are no numbers.
+FARTHEST = 1e100
+
 Pixels = NDArray[np.float64]
 
 
@@ -67,7 +70,7 @@ def ruler_pixels(
         Height and width of the image, pixels.
     """
     first, *others = [projection_of(i) for i in owners]
-    if first is None:
+    if first is None or np.abs(points).max() > FARTHEST:
         return None
     for other in others:
         # Between objects that stand apart now the line would be of another length than it says.

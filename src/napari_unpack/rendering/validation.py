@@ -16,6 +16,8 @@ from napari_unpack.memory import PICTURE_BYTES, check_picture
 MOST_IDS = 65_536
 # Differences of such densities, and differences of those, are still float32 numbers.
 MOST_DENSITY = 1e37
+# Clipping planes that both backends take.
+MOST_PLANES = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +53,7 @@ class Labels:
         """Return the (size,) table of what is visible to the ID passes."""
         table = np.ones(self.size, np.bool_)
         table[0] = False
-        for label in map(self.row, checked_ids(hidden)):
+        for label in map(self.row, checked_ids(hidden, "hidden")):
             if label is not None:
                 table[label] = False
         return table
@@ -70,21 +72,24 @@ class Labels:
 
         Raises
         ------
+        TypeError
+            If an ID is no integer.
         ValueError
             If a tint is not three or four numbers from 0 to 1.
         """
         table = np.ones((self.size, 4), np.float32)
-        for object_id, tint in (tints or {}).items():
+        given = tints or {}
+        for object_id, tint in zip(checked_ids(given, "tints"), given.values(), strict=True):
             colour = np.asarray(tint, dtype=np.float32)
             if colour.shape not in ((3,), (4,)) or not ((colour >= 0) & (colour <= 1)).all():
                 raise ValueError(
                     f"tints must be three or four numbers from 0 to 1, got {tint!r} "
                     f"for object {object_id}"
                 )
-            label = self.row(int(object_id))
+            label = self.row(object_id)
             if label is not None:
                 table[label, : len(colour)] = colour
-        for label in map(self.row, checked_ids(hidden)):
+        for label in map(self.row, checked_ids(hidden, "hidden")):
             if label is not None:
                 table[label] = 0
         return table
@@ -204,8 +209,40 @@ def checked_size(size: Sequence[int], bytes_a_pixel: float = PICTURE_BYTES) -> t
     return height, width
 
 
-def checked_ids(ids: Iterable[int]) -> list[int]:
+def checked_planes(planes: ArrayLike | None) -> NDArray[np.float64]:
+    """Check clipping planes: (N, 2, 3), none for None.
+
+    Parameters
+    ----------
+    planes : (N, 2, 3) array_like, optional
+        Planes (point, normal), voxels.
+
+    Raises
+    ------
+    ValueError
+        If the shape is another, there are more than 8, or one lies nowhere or faces nowhere.
+    """
+    array = np.asarray([] if planes is None else planes, dtype=np.float64)
+    if array.size == 0:
+        array = array.reshape(0, 2, 3)
+    if array.ndim != 3 or array.shape[1:] != (2, 3) or len(array) > MOST_PLANES:
+        raise ValueError(
+            f"clipping must be (N, 2, 3) with N up to {MOST_PLANES}, a point and a normal a plane "
+            f"in voxels z y x, got shape {array.shape}"
+        )
+    if not np.isfinite(array).all() or not array[:, 1].any(axis=1).all():
+        raise ValueError("clipping must hold finite points and normals that are not zero")
+    return array
+
+
+def checked_ids(ids: Iterable[int], name: str) -> list[int]:
     """Check object IDs such as `hidden`; raise TypeError unless they are integers.
+
+    Parameters
+    ----------
+    ids : iterable of int
+    name : str
+        Of the argument, for the message.
 
     Raises
     ------
@@ -213,11 +250,12 @@ def checked_ids(ids: Iterable[int]) -> list[int]:
         If they are not a collection of integers.
     """
     if isinstance(ids, (str, bytes)) or not isinstance(ids, Iterable):
-        raise TypeError(f"hidden must be a collection of object IDs, got {ids!r}")
+        raise TypeError(f"{name} must be a collection of object IDs, got {ids!r}")
     out = list(ids)
     for object_id in out:
-        if not isinstance(object_id, (int, np.integer)):
-            raise TypeError(f"hidden must hold object IDs (integers), got {object_id!r}")
+        # True would pass for object 1.
+        if isinstance(object_id, bool) or not isinstance(object_id, (int, np.integer)):
+            raise TypeError(f"{name} must hold object IDs (integers), got {object_id!r}")
     return [int(i) for i in out]
 
 

@@ -92,6 +92,11 @@ class Segmentation:
     objects: pd.DataFrame
     evidence: Evidence | None = None
 
+    def __repr__(self) -> str:
+        """Say in a line what was found; arrays fill screens of a notebook."""
+        count, size = len(self.objects), tuple(self.labels.shape)
+        return f"Segmentation({count} object{'s' * (count != 1)} in {size} voxels)"
+
 
 @dataclass(frozen=True)
 class SegmentOptions:

@@ -11,6 +11,7 @@ from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session import commands
 from napari_unpack.session.document import Document
 from napari_unpack.session.state import FLAGS, Flag
+from napari_unpack.session.validation import checked_kind
 
 T = TypeVar("T")
 
@@ -90,6 +91,23 @@ class Annotations:
         if (new.names, new.colors) != (state.names, state.colors):
             self._doc.commit("names and colours", new)
 
+    def take_names(self, names: Mapping[int, str]) -> None:
+        """Call objects as the bag around them does, in place of names given here.
+
+        Parameters
+        ----------
+        names : mapping of int to str
+            By ID.
+
+        Notes
+        -----
+        They count as names the objects came with: no step of undo, and none was given here.
+        """
+        state = self._doc.state
+        self._doc.label_data.facts.loc[list(names), "name"] = list(names.values())
+        kept = {i: name for i, name in state.names.items() if i not in names}
+        self._doc.enter(replace(state, names=kept))
+
     def set_style(self, object_id: int, style: ObjectStyle | None) -> None:
         """Give an object an opacity curve or a cut of its own; see `Session.set_style`.
 
@@ -116,7 +134,13 @@ class Annotations:
         ----------
         object_id : int
         text : str
+
+        Raises
+        ------
+        TypeError
+            If it is no text.
         """
+        checked_kind(text, str, "text")
         after = _changed(self._doc.state.notes, [self._doc.one(object_id)], text.strip() or None)
         if after != self._doc.state.notes:
             self._doc.commit("note", replace(self._doc.state, notes=after))

@@ -15,6 +15,7 @@ from napari_unpack.session.labels import Edit, origin_of
 from napari_unpack.session.measurements import Measurement, SurfacePoint
 from napari_unpack.session.occlusion import NextUnpackable, OcclusionResult
 from napari_unpack.session.state import Group, Placement, SessionState
+from napari_unpack.session.validation import checked_kind, checked_pose, checked_rotation
 from napari_unpack.unpacking import Queue, Slots
 
 T = TypeVar("T")
@@ -300,12 +301,39 @@ def place(
         Height and width of the window, mm.
     picture : callable
         Given how the object is held, returns width and height of its picture, mm.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `checked_pose`.
     """
-    placed = replace(placement, placed=pose, within=window_mm)
+    placed = replace(placement, placed=checked_pose(pose), within=window_mm)
     # Moved and not turned, its picture is as large as it was: no hull is needed.
     if np.array_equal(placed.rotation, pose.rotation):
         return placed
-    return placed.turned(pose.rotation, picture(pose.rotation))
+    return turn(placed, pose.rotation, picture)
+
+
+def turn(
+    placement: Placement, rotation: Matrix, picture: Callable[[Matrix], tuple[float, float]]
+) -> Placement:
+    """Return a placement held another way by hand.
+
+    Parameters
+    ----------
+    placement : Placement
+    rotation : (3, 3) ndarray of float64
+        From (stretched) world axes to pivot axes.
+    picture : callable
+        As for `place`.
+
+    Raises
+    ------
+    ValueError
+        If it is no rotation.
+    """
+    held = checked_rotation(rotation)
+    return placement.turned(held, picture(held))
 
 
 def mirrors() -> Callable[[SessionState], SessionState]:
@@ -340,8 +368,18 @@ def rename(state: SessionState, object_id: int, name: str) -> SessionState:
     state : SessionState
     object_id : int
     name : str
+
+    Raises
+    ------
+    TypeError
+        If it is no text.
+    ValueError
+        If it is blank.
     """
-    return replace(state, names={**state.names, object_id: name})
+    checked_kind(name, str, "name")
+    if not name.strip():
+        raise ValueError("name must not be blank")
+    return replace(state, names={**state.names, object_id: name.strip()})
 
 
 def set_style(state: SessionState, object_id: int, style: ObjectStyle | None) -> SessionState:

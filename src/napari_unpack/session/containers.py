@@ -137,6 +137,23 @@ def begins_at(session: Session, object_id: int) -> NDArray[np.float64]:
     return np.array([side.start for side in window]) * session.spacing
 
 
+def shared_objects(session: Session, object_id: int, bag: Session) -> set[int]:
+    """Return the objects of the bag that an object is opened as which have the same ID outside.
+
+    Parameters
+    ----------
+    session : Session
+        Whose object.
+    object_id : int
+    bag : Session
+        Inside it.
+    """
+    window = session.boxes.slices(object_id, MARGIN)
+    outside = {int(i) for i in np.unique(np.asarray(session.labels[window])[bag.labels > 0])}
+    # Parts that were found by density are all of one object.
+    return outside & bag.label_data.known if len(outside) > 1 else set()
+
+
 def volume_inside(session: Session, object_id: int) -> NDArray[Any]:
     """Return the volume of the bag that an object is opened as.
 
@@ -355,7 +372,31 @@ class OpenedBags:
             fitted(known)
             self._restored.discard(object_id)
             self._bags[object_id] = session.state.labels_edit, known
+        else:
+            outer = session.objects["name"]
+            given_inside = known.state.names
+            shared = shared_objects(session, object_id, known) - given_inside.keys()
+            known.annotations.take_names({i: str(outer[i]) for i in shared})
         return known
+
+    def leave(self, session: Session, object_id: int) -> None:
+        """Give objects of the bag the names that they were given inside an object: one step.
+
+        Parameters
+        ----------
+        session : Session
+            Whose object.
+        object_id : int
+        """
+        bag = self._known(session).get(object_id)
+        # Most bags are left without a new name, and then nothing is searched.
+        if bag is None or not bag.state.names:
+            return
+        shared = shared_objects(session, object_id, bag)
+        names = {i: name for i, name in bag.state.names.items() if i in shared}
+        session.annotations.name_and_color(names, {})
+        # From now on they are those of the bag, and follow it.
+        bag.annotations.take_names(names)
 
     def restore(self, session: Session, object_id: int, bag: Session) -> None:
         """Take over a bag as it was left in another session.

@@ -6,9 +6,7 @@ from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
 from time import perf_counter
 
-import numpy as np
-
-from napari_unpack.geometry.axes import Vector
+from napari_unpack.geometry.axes import Vector, fixed
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.geometry.view import Camera
 from napari_unpack.session.errors import NoTableError
@@ -42,9 +40,9 @@ def resolved(
         Returns the bag's up.
     """
     if wanted is None:
-        return towards_viewer(camera)
+        return fixed(towards_viewer(camera))
     # Worked out only where it is wanted: it looks at every voxel of the bag.
-    return bag_up() if isinstance(wanted, str) else np.array(wanted)
+    return bag_up() if isinstance(wanted, str) else fixed(wanted)
 
 
 @dataclass(frozen=True)
@@ -178,7 +176,7 @@ def find_reveal_plan(
     NoTableError
         If there are too many objects, or the rule has no table of blockers.
     """
-    target, packed, near = key.target, key.near.packed, np.array(key.near.direction)
+    target, packed, near = key.target, key.near.packed, fixed(key.near.direction)
     # Too many objects for tables: nothing can be proposed.
     if not survey[1].directions:
         raise NoTableError.of(len(packed))

@@ -27,7 +27,13 @@ from napari_unpack.session.placement import Bag
 from napari_unpack.session.queries import Queries
 from napari_unpack.session.ray_queries import RayQueries, RenderingQueries
 from napari_unpack.session.state import Placement, SessionState, UnpackingRules, ViewState
-from napari_unpack.session.validation import checked_count, checked_ids, checked_planes
+from napari_unpack.session.validation import (
+    checked_count,
+    checked_id,
+    checked_ids,
+    checked_kind,
+    checked_planes,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -303,6 +309,7 @@ class Document:
 
     def decorate(self, decorations: Decorations) -> None:
         """Take another background, box and scale bar; what is told of lengths stays."""
+        checked_kind(decorations, Decorations, "decorations")
         before = self.view_state.decorations
         kept = replace(decorations, unit=before.unit, measurements=before.measurements)
         self.see(decorations=kept)
@@ -313,6 +320,7 @@ class Document:
         unit, around = wanted, self.view_state.decorations
         if isinstance(unit, str):
             unit = LengthUnit.voxels(self.spacing) if unit == "voxels" else LengthUnit(unit)
+        checked_kind(unit, LengthUnit, "length_unit")
         if unit != around.unit:
             self.see(decorations=replace(around, unit=unit))
             self.events.surroundings.emit(self.view_state.decorations)
@@ -342,6 +350,7 @@ class Document:
 
     def set_rules(self, rules: UnpackingRules) -> None:
         """Take other rules; the queue is emptied, so that it is filled by them."""
+        checked_kind(rules, UnpackingRules, "rules")
         if rules != self.rules:
             self.rules = rules
             self.enter(replace(self.state, queue=replace(self.state.queue, groups=())))
@@ -360,8 +369,8 @@ class Document:
         return checked_ids(ids, self.label_data.known, name)
 
     def one(self, object_id: int) -> int:
-        """Return a known ID."""
-        return self.checked(object_id, "object_id")[0]
+        """Return a known ID; see `checked_id`."""
+        return checked_id(object_id, self.label_data.known)
 
     def how_many_or_which(self, n_or_ids: int | Iterable[int]) -> int | list[int]:
         """Return a number of at least 1, or known IDs."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 
-from napari_unpack.geometry.axes import Matrix
+from napari_unpack.geometry.axes import Matrix, number
 from napari_unpack.session.placement import Bag, launch
 from napari_unpack.session.state import Placement, SessionState
 from napari_unpack.unpacking import Flight, Slots
@@ -54,7 +54,10 @@ class FlightControl(Mapping[int, Flight]):
         ------
         ValueError
             If `seconds` is not positive and finite.
+        TypeError
+            If it is no number.
         """
+        seconds = None if seconds is None else number(seconds, "seconds")
         if seconds is not None and not 0 < seconds < float("inf"):
             raise ValueError(
                 f"seconds must be positive and finite, got {seconds}; animated=False does without"

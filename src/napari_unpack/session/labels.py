@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from napari_unpack.geometry.boxes import LabelBoxes, label_boxes
 from napari_unpack.geometry.grow_labels import grow_labels
 from napari_unpack.segmentation.repair import LabelEdit
+from napari_unpack.session.validation import checked_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,7 +55,7 @@ def object_table(
     Raises
     ------
     ValueError
-        If the given table's index holds an ID twice.
+        If the given table's index holds an ID twice, or words stand where numbers belong.
     """
     import pandas as pd
 
@@ -88,9 +89,33 @@ def object_table(
     for column in found:
         if column in known:
             # What is given wins: people and the segmentation may know better.
-            found[column] = known[column].where(known[column].notna(), found[column])
+            given_column = _names(known[column]) if column == "name" else _numbers(known[column])
+            found[column] = given_column.where(given_column.notna(), found[column])
     extra = [column for column in known if column not in found]
     return found.join(known[extra])
+
+
+def _names(column: pd.Series) -> pd.Series:
+    """Return names as text; whole numbers that stood beside missing ones without a fraction."""
+    return column.map(
+        lambda name: str(int(name)) if isinstance(name, float) and name % 1 == 0 else str(name),
+        na_action="ignore",
+    ).infer_objects()
+
+
+def _numbers(column: pd.Series) -> pd.Series:
+    """Return a column of numbers."""
+    import pandas as pd
+
+    if pd.api.types.is_numeric_dtype(column.dtype):
+        return column
+    numbers = pd.to_numeric(column, errors="coerce")
+    words = column[numbers.isna() & column.notna()]
+    if len(words):
+        raise ValueError(
+            f"column '{column.name}' of objects must hold numbers, got {words.iloc[0]!r}"
+        )
+    return numbers
 
 
 def _plain_columns(table: pd.DataFrame) -> pd.DataFrame:
@@ -239,7 +264,18 @@ class LabelData:
         return self._display
 
     def label_of(self, object_id: int) -> int:
-        """Return the ID people know an object by."""
+        """Return the ID people know an object by; of one that is gone, the one it had.
+
+        Raises
+        ------
+        TypeError
+            If it is no whole number.
+        ValueError
+            If no object ever had it.
+        """
+        object_id = checked_whole(object_id, "object_id")
+        if object_id > self.largest_id:
+            raise ValueError(f"object_id must be an object of this session, got {object_id}")
         return object_id if self.given_ids is None else int(self.given_ids[object_id])
 
     def visible(self, ids: Iterable[int]) -> NDArray[np.bool_]:

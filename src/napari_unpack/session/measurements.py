@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from napari_unpack.geometry.axes import triple
 from napari_unpack.geometry.length_unit import MM, LengthUnit
 from napari_unpack.session.quantities import angle_words, length_words
+from napari_unpack.session.validation import checked_whole
 
 if TYPE_CHECKING:
     from napari_unpack.session.document import Document
@@ -27,6 +28,11 @@ class SurfacePoint:
         Which it is a point of, and goes along with; 0 for none.
     at : (float, float, float)
         Where it is in the scan, world mm z y x, wherever the object is now.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `object_id` is no whole number from 0.
     """
 
     object_id: int
@@ -34,7 +40,7 @@ class SurfacePoint:
 
     def __post_init__(self) -> None:
         """Keep plain numbers, whatever array they were taken from."""
-        object.__setattr__(self, "object_id", int(self.object_id))
+        object.__setattr__(self, "object_id", checked_whole(self.object_id, "object_id"))
         object.__setattr__(self, "at", triple(self.at))
 
 
@@ -160,8 +166,15 @@ class Measurements:
         self._doc.show_measurements(bool(shown))
 
     def add(self, points: Iterable[SurfacePoint]) -> Measurement:
-        """Add a measurement, which can be undone; return it."""
+        """Add a measurement, which can be undone; return it.
+
+        Raises
+        ------
+        ValueError
+            If the points measure nothing, or one is of no object of the session.
+        """
         made = Measurement(tuple(points))
+        self._doc.checked(made.objects - {0}, "points")
         state = self._doc.state
         new = replace(state, measurements=(*state.measurements, made))
         self._doc.commit("measure", new)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +18,7 @@ from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.rendering.scene import Scene
-from napari_unpack.session import commands
+from napari_unpack.session import commands, validation
 from napari_unpack.session.annotations import Annotations
 from napari_unpack.session.bag_cut import Cutting
 from napari_unpack.session.containers import OpenedBags
@@ -31,7 +32,6 @@ from napari_unpack.session.ray_queries import RayQueries
 from napari_unpack.session.review import Review
 from napari_unpack.session.scene_description import SceneDescription
 from napari_unpack.session.state import Group, Placement, SessionState, UnpackingRules, ViewState
-from napari_unpack.session.validation import checked_kind, checked_labels, checked_volume
 from napari_unpack.tasks import Task, no_progress
 from napari_unpack.unpacking import named
 from napari_unpack.unpacking.direction import checked_direction
@@ -52,7 +52,8 @@ class Session:
         Density of any real dtype.
     labels : (Z, Y, X) array_like of int
         Object IDs, 0 background, of at most 65,535 objects. Where one is above 65,535 the
-        session numbers the objects anew; `label_of` gives the ID of old.
+        session numbers the objects anew; `label_of` gives the ID of old. Neither volume nor
+        uint16 labels are copied: what is written to them later is the session's as well.
     spacing : (3,) array_like
         Voxel size in mm, z y x.
     objects : DataFrame, optional
@@ -99,8 +100,8 @@ class Session:
         casters: RayQueries | None = None,
         clock: Callable[[], float] = perf_counter,
     ) -> None:
-        density = checked_volume(volume)
-        checked, given_ids = checked_labels(labels, density.shape)
+        density = validation.checked_volume(volume)
+        checked, given_ids = validation.checked_labels(labels, density.shape)
         mm = checked_spacing(spacing)
         boxes = label_boxes(checked)
         facts = object_table(density, checked, boxes, mm, objects, given_ids)
@@ -135,6 +136,10 @@ class Session:
         made._take(Document(*parts, casters, perf_counter))
         return made
 
+    def __reduce__(self) -> str:
+        """Refuse copies, which would share parts with it."""
+        raise TypeError("a session cannot be copied: save_session and open_session make another")
+
     def _take(self, document: Document) -> None:
         self._doc = document
         self.volume, self.spacing = document.volume, document.spacing
@@ -150,7 +155,10 @@ class Session:
 
     # The parts, and what they hold.
 
-    backend = Setting(lambda s: s._doc.backend, lambda s, v: setattr(s._doc, "backend", v))
+    backend = Setting(
+        lambda s: s._doc.backend,
+        lambda s, v: setattr(s._doc, "backend", validation.checked_backend(v)),
+    )
     """What casts rays for this session's queries: "auto", "cpu" or "gl"."""
     bag = Read(lambda s: s._doc.bag)
     """The bag's geometry."""
@@ -239,7 +247,8 @@ class Session:
     locked_hues = Setting(lambda s: s._doc.view_state.locked_hues, lambda s, v: s._doc.lock(v))
     """Objects whose hue recolouring leaves alone."""
     hue_margin = Setting(
-        lambda s: s._doc.view_state.hue_margin, lambda s, v: s._doc.see(hue_margin=v)
+        lambda s: s._doc.view_state.hue_margin,
+        lambda s, v: s._doc.see(hue_margin=validation.checked_margin(v)),
     )
     """Fraction of every hue arc left empty; neighbours are at least hue_margin / C apart."""
     away_from_table = Setting(
@@ -270,7 +279,7 @@ class Session:
 
     @view.setter
     def view(self, view: View) -> None:
-        checked_kind(view, View, "view")
+        validation.checked_kind(view, View, "view")
         # Only the viewer knows how the scan is stretched: another view leaves that as it is.
         camera = view.camera(self.labels.shape, self.spacing, self.camera.stretch)
         self._doc.look(camera, view)
@@ -298,7 +307,7 @@ class Session:
 
     @transfer_function.setter
     def transfer_function(self, transfer_function: TransferFunction) -> None:
-        checked_kind(transfer_function, TransferFunction, "transfer_function")
+        validation.checked_kind(transfer_function, TransferFunction, "transfer_function")
         new = replace(self.state, transfer_function=transfer_function)
         self._doc.commit("transfer function", new, merge=True)
 
@@ -358,7 +367,7 @@ class Session:
         undoable : bool
         """
         self._doc.checked(hues, "hues")
-        merged = {**self.state.hues, **hues}
+        merged = {**self.state.hues, **validation.checked_hues(hues)}
         # Also where they are as before: they were chosen for a view now, and are worth keeping.
         if not self.view_state.recolored:
             self._doc.see(recolored=True)
@@ -384,9 +393,7 @@ class Session:
             If the name is blank.
         """
         object_id = self._doc.one(object_id)
-        if not name.strip():
-            raise ValueError("name must not be blank")
-        self._doc.commit("rename", commands.rename(self.state, object_id, name.strip()))
+        self._doc.commit("rename", commands.rename(self.state, object_id, name))
 
     def mark_examples(self, ids: int | Iterable[int], examples: bool = True) -> None:
         """Mark objects as examples of whole ones, or take the mark away.
@@ -548,11 +555,9 @@ class Session:
         Raises
         ------
         ValueError
-            If the step is negative.
+            If the step is negative; TypeError if it is not whole.
         """
-        if step < 0:
-            raise ValueError(f"step must not be negative, got {step!r}")
-        new = commands.go_to(self.state, int(step))
+        new = commands.go_to(self.state, validation.checked_whole(step, "step"))
         known = self.label_data.known
         try:
             # One by one: a group is one removal, however many are in it.
@@ -596,13 +601,8 @@ class Session:
             In pivot space.
         """
         placement = self._doc.outside(object_id)
-        stretch = self.camera.stretch
-        placed = commands.place(
-            placement,
-            pose,
-            self.slots.window_mm,
-            lambda rotation: self.bag.picture(object_id, rotation, stretch),
-        )
+        picture = partial(self.bag.picture, object_id, stretch=self.camera.stretch)
+        placed = commands.place(placement, pose, self.slots.window_mm, picture)
         new = commands.move(self.state, object_id, placed)
         self._doc.commit(f"move {object_id}", new, merge=True)
 
@@ -694,5 +694,5 @@ class Session:
 
     def _turned(self, object_id: int, rotation: Matrix) -> Placement:
         placement = self._doc.outside(object_id)
-        picture = self.bag.picture(object_id, rotation, self.camera.stretch)
-        return placement.turned(rotation, picture)
+        picture = partial(self.bag.picture, object_id, stretch=self.camera.stretch)
+        return commands.turn(placement, rotation, picture)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.appearance import Decorations, TransferFunction
 from napari_unpack.appearance.tints import MODES, Mode, Rgba
-from napari_unpack.geometry.axes import Matrix, Vector
+from napari_unpack.geometry.axes import Matrix, Vector, fixed, number
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import GRAVITY_UP, Camera, View
 from napari_unpack.rendering.object_style import ObjectStyle
@@ -20,7 +20,7 @@ from napari_unpack.session.bag_cut import Cut
 from napari_unpack.session.labels import Edit
 from napari_unpack.session.measurements import Measurement
 from napari_unpack.session.object_state import ObjectState
-from napari_unpack.session.validation import checked_planes
+from napari_unpack.session.validation import checked_planes, checked_whole
 from napari_unpack.unpacking import Queue, Slots
 from napari_unpack.unpacking.occlusion import Rule
 
@@ -67,6 +67,13 @@ class Placement:
     placed: Pose | None = None
     within: tuple[float, float] | None = None
     turned_mm: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        """Keep arrays that nobody can write to: poses that are handed out share them."""
+        object.__setattr__(self, "rotation", fixed(self.rotation))
+        object.__setattr__(self, "direction", fixed(self.direction))
+        if self.placed is not None:
+            object.__setattr__(self, "placed", self.placed.kept())
 
     def without(self, objects: Set[int]) -> Placement:
         """Return it as if some objects had not left with it."""
@@ -288,7 +295,8 @@ class ViewState:
     recolored: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be shown."""
+        """Refuse what cannot be shown; keep an up that nobody can write to."""
+        object.__setattr__(self, "up", fixed(self.up))
         if min(self.canvas_size) < 1:
             raise ValueError(
                 f"canvas_size must be at least (1, 1) pixels, got {self.canvas_size!r}"
@@ -316,6 +324,8 @@ class UnpackingRules:
     ------
     ValueError
         If there is no such rule, or a number is out of range.
+    TypeError
+        If one is no number, or not whole.
     """
 
     rule: Rule = "exact"
@@ -328,6 +338,11 @@ class UnpackingRules:
         """Refuse rules that cannot be."""
         if self.rule not in get_args(Rule):
             raise ValueError(f"rule must be one of {', '.join(get_args(Rule))}, got {self.rule!r}")
+        # Plain numbers: they are written to files.
+        object.__setattr__(self, "tolerance", number(self.tolerance, "tolerance"))
+        most = checked_whole(self.max_group_size, "max_group_size")
+        object.__setattr__(self, "max_group_size", most)
+        object.__setattr__(self, "take_least_occluded", bool(self.take_least_occluded))
         if not 0.0 <= self.tolerance < 1.0:
             raise ValueError(f"tolerance must be in [0, 1), got {self.tolerance!r}")
         if self.max_group_size < 1:

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from napari_unpack.geometry.axes import Matrix, fixed, number
 from napari_unpack.geometry.relabeling import compact_labels
+from napari_unpack.geometry.transforms import Pose
+from napari_unpack.rendering.backends import BACKENDS
 
 # Kernels and textures see labels of 16 bits.
 MOST_ID = 65535
+
+# By so much the rows of a rotation may miss being unit vectors at right angles.
+ROUNDED = 1e-6
 
 MOST_PLANES = 8
 """Clipping planes that both backends take."""
@@ -114,6 +120,136 @@ def checked_ids(ids: int | Iterable[int], known: Iterable[int], name: str = "ids
     if strangers:
         raise ValueError(f"{name} must be objects of this session, got {sorted(strangers)}")
     return wanted
+
+
+def checked_id(object_id: int, known: Iterable[int]) -> int:
+    """Return one ID.
+
+    Parameters
+    ----------
+    object_id : int
+    known : iterable of int
+        The objects there are.
+
+    Raises
+    ------
+    TypeError
+        If it is no integer, such as a list of one.
+    ValueError
+        If it is not among the known.
+    """
+    if isinstance(object_id, bool) or not isinstance(object_id, int | np.integer):
+        raise TypeError(f"object_id must be one object ID (an integer), got {object_id!r}")
+    return checked_ids(object_id, known, "object_id")[0]
+
+
+def checked_whole(value: int, name: str) -> int:
+    """Return a whole number from 0.
+
+    Parameters
+    ----------
+    value : int
+    name : str
+        Of the argument, for the message.
+
+    Raises
+    ------
+    TypeError
+        If it is not whole.
+    ValueError
+        If it is negative.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        raise TypeError(f"{name} must be a whole number, got {value!r}")
+    if value < 0:
+        raise ValueError(f"{name} must not be negative, got {value!r}")
+    return int(value)
+
+
+def checked_margin(margin: float) -> float:
+    """Return a fraction of hue arcs that is left empty.
+
+    Raises
+    ------
+    ValueError
+        If it is outside [0, 1); TypeError if it is no number.
+    """
+    found = number(margin, "hue_margin")
+    if not 0.0 <= found < 1.0:
+        raise ValueError(f"hue_margin must be in [0, 1), got {margin!r}")
+    return found
+
+
+def checked_hues(hues: Mapping[int, float]) -> dict[int, float]:
+    """Return hues by ID as plain numbers.
+
+    Raises
+    ------
+    ValueError
+        If one is no number in [0, 1).
+    """
+    for i, hue in hues.items():
+        if not isinstance(hue, int | float | np.number) or not 0.0 <= hue < 1.0:
+            raise ValueError(f"the hue of object {i} must be a number in [0, 1), got {hue!r}")
+    return {int(i): float(hue) for i, hue in hues.items()}
+
+
+def checked_rotation(rotation: ArrayLike) -> Matrix:
+    """Return a (3, 3) rotation; a copy nobody can write to.
+
+    Raises
+    ------
+    ValueError
+        If it is another matrix: it enlarges, mirrors, is not finite, or is none.
+    """
+    try:
+        turn = fixed(rotation)
+    except (TypeError, ValueError):
+        turn = np.empty(0)
+    finite = turn.shape == (3, 3) and bool(np.isfinite(turn).all())
+    # Sums of many small turns are off by far less; a mirror image has the other determinant.
+    if not finite or np.abs(turn @ turn.T - np.eye(3)).max() > ROUNDED or np.linalg.det(turn) < 0:
+        given = rotation.tolist() if isinstance(rotation, np.ndarray) else rotation
+        raise ValueError(
+            f"rotation must be a (3, 3) rotation, which neither enlarges nor mirrors, got {given!r}"
+        )
+    return turn
+
+
+def checked_pose(pose: Pose) -> Pose:
+    """Return a pose whose arrays nobody can write to.
+
+    Raises
+    ------
+    TypeError
+        If it is none.
+    ValueError
+        If its centre is not three finite numbers, its rotation no rotation, or its scale not
+        positive.
+    """
+    checked_kind(pose, Pose, "pose")
+    if np.shape(pose.center) != (3,) or not np.isfinite(pose.center).all():
+        raise ValueError(
+            "center of the pose must be three finite numbers of mm (towards, down, right), got "
+            f"{np.asarray(pose.center).tolist()}"
+        )
+    if not 0.0 < number(pose.scale, "scale of the pose") < np.inf:
+        raise ValueError(f"scale of the pose must be a positive number, got {pose.scale!r}")
+    checked_rotation(pose.rotation)
+    return pose.kept()
+
+
+def checked_backend(backend: str) -> str:
+    """Return what casts rays.
+
+    Raises
+    ------
+    ValueError
+        If there is no such backend.
+    """
+    if backend not in BACKENDS:
+        raise ValueError(f"backend must be one of {', '.join(BACKENDS)}, got {backend!r}")
+    return backend
 
 
 def checked_kind(value: object, kind: type, name: str) -> None:

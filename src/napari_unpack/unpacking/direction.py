@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from napari_unpack.geometry.axes import Vector, triple, unit
+from napari_unpack.geometry.axes import Vector, fixed, triple, unit
 from napari_unpack.geometry.view import GRAVITY_UP, Camera
 from napari_unpack.unpacking.oriented_box import OrientedBox
 
@@ -52,7 +52,7 @@ def bag_up(box: OrientedBox, table: Sequence[float] = GRAVITY_UP) -> Vector:
     # Within a twentieth of a degree of level the sign would be noise.
     if abs(rise) < 1e-3:
         rise = -float(normal[int(np.abs(normal).argmax())])
-    return normal if rise > 0 else -normal
+    return fixed(normal if rise > 0 else -normal)
 
 
 def checked_direction(

@@ -26,6 +26,7 @@ DIRECTIONS_26: NDArray[np.float64] = np.array(
         if any(steps)
     ]
 )
+DIRECTIONS_26.flags.writeable = False
 
 
 @dataclass(frozen=True, eq=False)

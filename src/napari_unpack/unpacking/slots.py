@@ -13,6 +13,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.geometry.axes import fixed
+
 # Least length of a sprite's longer side, where the window has room for as many as there are.
 LEAST_PIXELS = 64
 # So many sprites stand in the window whatever its shape, if need be smaller than that.
@@ -165,7 +167,7 @@ def arrange(
     side, radius, between = _best_plan(inside, height, width, least_pixels, gap)
     cells, visible = _cells(count, height, width, side, radius, between)
     mm = _mm_per_pixel(bag_radius_mm, radius, height, fov)
-    centers = np.concatenate([np.zeros((len(cells), 1)), cells * mm], axis=1)
+    centers = fixed(np.concatenate([np.zeros((len(cells), 1)), cells * mm], axis=1))
     least = min(float(least_pixels), side)
     return Slots(centers, side * mm, least * mm, height * mm, width * mm, radius, visible)
 

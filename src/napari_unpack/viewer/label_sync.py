@@ -42,6 +42,8 @@ class LabelSync:
         Given a sentence for the user.
     recoloring : callable
         Returns whether the plugin is giving the layers other colours.
+    refusal : str, optional
+        Why nothing can be painted now: strokes are taken back with this sentence.
 
     Notes
     -----
@@ -69,8 +71,9 @@ class LabelSync:
         ],
         message: Callable[[str], None],
         recoloring: Callable[[], bool],
+        refusal: str = "",
     ) -> None:
-        self._session, self._scheduler = session, scheduler
+        self._session, self._scheduler, self._refusal = session, scheduler, refusal
         self._run, self._message, self._recoloring = run, message, recoloring
         ndim = session.labels.ndim
         self._layers = [x for x in sources if isinstance(x, Labels) and x.ndim == ndim]
@@ -85,7 +88,7 @@ class LabelSync:
             if _is_array(layer) and not self._fits(layer):
                 self._tell(layer)
         self._painted = next(filter(self._fits, self._layers), None)
-        if self._painted is not None:
+        if self._painted is not None and not refusal:
             # By itself: nobody has asked for it, and repairs do not wait for it.
             self._submit(
                 session.label_editor.paint_task(np.asarray(self._painted.data)), self._take
@@ -145,6 +148,9 @@ class LabelSync:
     def _compare(self) -> None:
         layer = self._painted
         if layer is None or layer not in self._layers or not self._fits(layer):
+            return
+        if self._refusal:
+            self._give_up(ValueError(self._refusal))
             return
         task = self._session.label_editor.paint_task(np.asarray(layer.data))
         if not self._run(task, self._take, self._give_up):

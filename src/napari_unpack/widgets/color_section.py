@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from qtpy.QtCore import QSignalBlocker
 
 from napari_unpack.tasks import Task
@@ -174,7 +174,7 @@ class ColorSection(Section):
         self._settings.set_tint_mode(MODES[self.mode.currentText()])
         self._settings.set_show_unlabelled(self.unlabelled.isChecked())
         # Named for what CT shows; of other volumes nobody knows which values are water.
-        volume = controller.session.volume
+        volume = self._scan
         names = [AUTOMATIC, *(PRESETS if ct_offset(volume) is not None else ())]
         self.preset.clear()
         self.preset.addItems([*names, CUSTOM])
@@ -184,6 +184,13 @@ class ColorSection(Section):
         take = partial(self._take_named, controller.session)
         self._workspace.scheduler.submit(task, Worker.LONG, take, slot="named curves")
         self._show_curve()
+
+    @property
+    def _scan(self) -> NDArray[Any]:
+        """The volume that curves are made for, inside an opened object too: it is shown alike."""
+        document = self._workspace.document
+        assert document is not None, "a session is shown"
+        return document.volume
 
     def _take_named(self, session: Session, named: dict[TransferFunction, str]) -> None:
         if session is self._workspace.session:
@@ -227,9 +234,7 @@ class ColorSection(Section):
         if name == CUSTOM:
             self.curve.toggle.setChecked(True)
         else:
-            self._settings.set_transfer_function(
-                lambda session: transfer_function(name, session.volume)
-            )
+            self._settings.set_transfer_function(lambda _: transfer_function(name, self._scan))
 
     def _edit_points(self, points: list[Point]) -> None:
         self._points = points

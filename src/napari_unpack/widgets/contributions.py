@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from napari.utils.colormaps import DirectLabelColormap
 
     from napari_unpack.session import Session
+    from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
 # As napari's readers return layers: (data, attributes, layer type).
 LayerData = tuple[Any, ...]
@@ -209,19 +210,29 @@ def open_dropped(path: str | Sequence[str]) -> list[LayerData]:
     list of (data, attributes, layer type)
         No layers where the panel opens the session, in a worker.
     """
-    from napari import current_viewer
-
     # napari hands over a list when one file is dropped.
     first = Path(path if isinstance(path, str) else path[0])
-    viewer = current_viewer()
+    viewer = compat.viewer_dropped_on()
     if viewer is not None:
-        # Opens the panel, or finds the one that is open.
-        dock, panel = viewer.window.add_plugin_dock_widget(PLUGIN, PANEL)
-        # It may be hidden, and its progress with it.
-        dock.show()
-        panel.files.open_from(first)
+        _shown_panel(viewer).files.open_from(first)
         return READ_ELSEWHERE
     return _layers(first)
+
+
+def _shown_panel(viewer: napari.Viewer) -> UnpackingWidget:
+    """Return the panel of a viewer in its dock, or in a new one."""
+    from qtpy.QtWidgets import QDockWidget
+
+    from napari_unpack.widgets.unpacking_widget import panel_of
+
+    panel = panel_of(viewer)
+    dock = None if panel is None else panel.parent()
+    # Not asked of napari at once: by another name than its menu it would make another dock.
+    if panel is None or not isinstance(dock, QDockWidget):
+        dock, panel = viewer.window.add_plugin_dock_widget(PLUGIN, PANEL)
+    # It may be hidden, and its progress with it.
+    dock.show()
+    return panel
 
 
 def told_of_file(session: Session) -> dict[str, Any]:

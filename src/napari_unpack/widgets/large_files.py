@@ -40,9 +40,9 @@ def read_volume(path: str | Sequence[str]) -> list[LayerData]:
     list of (data, attributes, layer type)
         No layers where the person is asked.
     """
-    from napari import current_viewer
+    from napari_unpack.layers.compat import native_window, viewer_dropped_on
 
-    viewer = current_viewer()
+    viewer = viewer_dropped_on()
     try:
         return read_layers(path)
     except TooLargeError as error:
@@ -51,7 +51,6 @@ def read_volume(path: str | Sequence[str]) -> list[LayerData]:
 
         from napari.layers import Layer
 
-        from napari_unpack.layers.compat import native_window
         from napari_unpack.widgets.notifications import errors_shown
 
         def read() -> None:

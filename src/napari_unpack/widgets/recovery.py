@@ -57,7 +57,8 @@ class RecoveryKeeper(QObject):
         self._then: list[Callable[[], None]] = []
         workspace.switched.connect(self.follow)
         workspace.changed.connect(lambda change: self.follow() if change & WORK else None)
-        # At once: what is saved or given up must not be offered, whatever ends now.
+        # At once: what is saved or given up must not be offered, whatever ends now, nor be lost
+        # where it was given up for nothing.
         unsaved.settled.connect(self._keep)
 
     def follow(self) -> None:

@@ -210,16 +210,17 @@ class RepairTools(QObject):
         if self._label_sync is not None:
             self._label_sync.close()
             self._label_sync = None
-        controller = self._workspace.controller
-        # In a container the layers show the whole bag: what is painted waits until it is back.
-        if controller is not None and not self._workspace.is_inside:
+        controller, session = self._workspace.controller, self._workspace.document
+        if controller is not None and session is not None:
             self._label_sync = LabelSync(
-                controller.session,
+                session,
                 self._workspace.scheduler,
                 controller.sources,
                 self._ask,
                 notifications.warn,
                 lambda: controller.slice_hues.painting,
+                # There the layers show the whole bag, whose opened objects a stroke would forget.
+                "go back to the bag first" if self._workspace.is_inside else "",
             )
 
 

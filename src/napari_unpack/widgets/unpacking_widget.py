@@ -60,6 +60,13 @@ def outermost(widget: QWidget) -> QWidget:
     return window
 
 
+def panel_of(viewer: napari.viewer.Viewer) -> UnpackingWidget | None:
+    """Return the panel that a viewer has, shown or not."""
+    window = compat.native_window(viewer)
+    known = [] if window is None else window.findChildren(UnpackingWidget)
+    return next((one for one in known if not one._ended), None)
+
+
 # Pixels: the narrowest in which no control of the panel is cut off, and the canvas keeps room.
 WIDTH = 330
 
@@ -82,9 +89,7 @@ class UnpackingWidget(QWidget):
 
     def __new__(cls, napari_viewer: napari.viewer.Viewer) -> Self:
         """Return the panel that this viewer has already, or else a new one."""
-        window = compat.native_window(napari_viewer)
-        known = [] if window is None else window.findChildren(cls)
-        return next((one for one in known if not one._ended), None) or super().__new__(cls)
+        return panel_of(napari_viewer) or super().__new__(cls)
 
     def __init__(self, napari_viewer: napari.viewer.Viewer) -> None:
         if not self._ended:
@@ -307,7 +312,6 @@ class UnpackingWidget(QWidget):
             compat.call_off_exit(window)
             for panel in panels:
                 panel.unsaved.take_back()
-                panel.keeper.follow()
 
         event.ignore()
         # Not by napari's own `close`, which asks whether one is sure; the next is asked then.

@@ -48,7 +48,8 @@ class _Known:
 class UnsavedWork(QObject):
     """Asks once before unsaved work ends: Save, Discard or Cancel.
 
-    Signals: `settled` when work has been saved or given up, so that it need not be kept.
+    Signals: `settled` when work has been saved or given up, so that it need not be kept, or taken
+    back, so that it must be.
 
     Parameters
     ----------
@@ -87,7 +88,8 @@ class UnsavedWork(QObject):
     def worth_keeping(self) -> bool:
         """Whether anything would be missed after a crash: changes, or objects found for long."""
         _, known = self._document()
-        return self.changed or (known is not None and known.long_found)
+        long_found = known is not None and known.given_up is None and known.long_found
+        return self.changed or long_found
 
     def mark(self) -> Call:
         """Return what is to be called once the session, as it is now, is saved."""
@@ -113,14 +115,15 @@ class UnsavedWork(QObject):
         """Let all that is unsaved be lost without a question."""
         session, known = self._document()
         if session is not None and known is not None:
-            known.given_up, known.long_found = _work_of(session), False
+            known.given_up = _work_of(session)
             self.settled.emit()
 
     def take_back(self) -> None:
         """Forget that work was given up, since what it was given up for was not done."""
         _, known = self._document()
-        if known is not None:
+        if known is not None and known.given_up is not None:
             known.given_up = None
+            self.settled.emit()
 
     def ask(
         self, reason: str, then: Call, quitting: bool = False, cancelled: Call | None = None

@@ -227,6 +227,7 @@ class Workspace(QObject):
         """Go back to the bag that the opened object is from."""
         if self._outer:
             *others, outer = self._outer
+            outer.session.opened_bags.leave(outer.session, outer.opened)
             self._switch_to(outer.session, others, outer.sources)
             outer.view.give_back(self.viewer.scene.camera)
 

@@ -56,7 +56,8 @@ def contributions(
         raise ValueError(f"rays must be a window of one pixel, got size {rays.size}")
     numbers, step, near = ray_numbers(rays)
     lo, hi = float(domain[0]), float(domain[1])
-    mm = np.asarray(spacing, dtype=np.float64)
+    # A copy: kernels are compiled for arrays that can be written to.
+    mm = np.array(spacing, dtype=np.float64)
     shares = np.zeros(len(tints), np.float64)
     order = np.full(len(tints), -1, np.int64)
     count = _contribute(

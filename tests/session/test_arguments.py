@@ -1,0 +1,246 @@
+"""What a session is given: refused at the door where it cannot be, and nobody's to change later."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from bags import session_of, stack_of_plates
+
+import napari_unpack as nu
+from napari_unpack.geometry.transforms import Pose
+from napari_unpack.session import Session
+from napari_unpack.session.measurements import SurfacePoint
+from napari_unpack.session.state import UnpackingRules
+
+NAN = float("nan")
+EYE = np.eye(3)
+
+
+@pytest.fixture
+def session() -> Session:
+    """A bag of plates 1 to 5, of which 1 and 2 are out."""
+    session = session_of(stack_of_plates())
+    session.unpack(2)
+    return session
+
+
+def outside(session: Session) -> int:
+    return next(iter(session.poses))
+
+
+def placed(**changes: Any) -> Callable[[Session], None]:
+    def place(session: Session) -> None:
+        i = outside(session)
+        session.place(i, replace(session.poses[i], **changes))
+
+    return place
+
+
+def turned(rotation: Any) -> Callable[[Session], None]:
+    return lambda session: session.turn(outside(session), rotation)
+
+
+def sets(name: str, value: Any) -> Callable[[Session], None]:
+    return lambda session: setattr(session, name, value)
+
+
+def measured(object_id: Any) -> Callable[[Session], None]:
+    points = (0.0, 0.0, 0.0), (0.0, 0.0, 5.0)
+    return lambda session: session.measurements.add([SurfacePoint(object_id, at) for at in points])
+
+
+REFUSED: dict[str, tuple[str, Callable[[Session], Any]]] = {
+    "turn larger": ("rotation", turned(2 * EYE)),
+    "turn mirrored": ("rotation", turned(np.diag([1.0, 1.0, -1.0]))),
+    "turn to nothing": ("rotation", turned(np.zeros((3, 3)))),
+    "turn NaN": ("rotation", turned(np.full((3, 3), NAN))),
+    "turn 2 x 2": ("rotation", turned(np.eye(2))),
+    "turn None": ("rotation", turned(None)),
+    "look at a turn": ("rotation", lambda s: s.pose_turned(outside(s), 2 * EYE)),
+    "place mirrored": ("scale", placed(scale=-1.0)),
+    "place at no size": ("scale", placed(scale=0.0)),
+    "place at NaN size": ("scale", placed(scale=NAN)),
+    "place at NaN": ("center", placed(center=np.array([NAN, 0.0, 0.0]))),
+    "place in a plane": ("center", placed(center=np.zeros(2))),
+    "place turned": ("rotation", placed(rotation=2 * EYE)),
+    "place None": ("pose", lambda s: s.place(outside(s), None)),
+    "hue None": ("hue of object 1", lambda s: s.apply_hues({1: None})),
+    "hue NaN": ("hue of object 1", lambda s: s.apply_hues({1: NAN})),
+    "hue 1": ("hue of object 1", lambda s: s.apply_hues({2: 0.5, 1: 1.0})),
+    "hue below 0": ("hue of object 1", lambda s: s.apply_hues({1: -0.1})),
+    "margin None": ("hue_margin", sets("hue_margin", None)),
+    "margin a": ("hue_margin", sets("hue_margin", "a")),
+    "margin NaN": ("hue_margin", sets("hue_margin", NAN)),
+    "margin below 0": ("hue_margin", sets("hue_margin", -1)),
+    "margin 2": ("hue_margin", sets("hue_margin", 2)),
+    "point on -1": ("object_id", measured(-1)),
+    "point on a part": ("object_id", measured(1.5)),
+    "point on nobody": ("points", measured(99)),
+    "unit None": ("length_unit", sets("length_unit", None)),
+    "unit 3": ("length_unit", sets("length_unit", 3)),
+    "rules None": ("rules", sets("rules", None)),
+    "surroundings None": ("decorations", sets("decorations", None)),
+    "seconds a": ("seconds", sets("seconds", "a")),
+    "backend foo": ("backend", sets("backend", "foo")),
+    "backend None": ("backend", sets("backend", None)),
+    "half a step": ("step", lambda s: s.go_to(2.5)),
+    "step True": ("step", lambda s: s.go_to(True)),
+    "step NaN": ("step", lambda s: s.go_to(NAN)),
+    "step below 0": ("step", lambda s: s.go_to(-1)),
+    "name None": ("name", lambda s: s.rename(3, None)),
+    "note None": ("text", lambda s: s.annotations.set_note(3, None)),
+    "label of a stranger": ("object_id", lambda s: s.label_of(99)),
+    "label of -1": ("object_id", lambda s: s.label_of(-1)),
+    "label of 1.5": ("object_id", lambda s: s.label_of(1.5)),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_cannot_be_is_refused_by_name_and_changes_nothing(case: str, session: Session) -> None:
+    name, act = REFUSED[case]
+
+    def held() -> tuple[object, ...]:
+        s = session
+        return s.state, s.view_state, s.rules, s.seconds, s.backend, *s.history.done
+
+    before = held()
+    with pytest.raises((ValueError, TypeError), match=name):
+        act(session)
+    assert [*map(id, held())] == [*map(id, before)]
+
+
+@pytest.mark.parametrize("given", [[3, 4], [3], [], (), "3", 3.0, None, True], ids=repr)
+@pytest.mark.parametrize(
+    "verb",
+    [
+        lambda s, i: s.rename(i, "a shoe"),
+        lambda s, i: s.annotations.set_note(i, "a shoe"),
+        lambda s, i: s.inspect(i),
+        lambda s, i: s.force_unpack(i),
+        lambda s, i: s.reveal(i),
+        lambda s, i: s.reveal_plan(i),
+        lambda s, i: s.turn(i, EYE),
+    ],
+    ids=["rename", "set_note", "inspect", "force_unpack", "reveal", "reveal_plan", "turn"],
+)
+def test_a_verb_for_one_object_takes_one_integer(verb, given, session: Session) -> None:
+    before = session.state
+    with pytest.raises(TypeError, match="object_id must be one object ID"):
+        verb(session, given)
+    assert session.state is before
+
+
+def test_a_verb_for_one_object_takes_integers_of_numpy(session: Session) -> None:
+    session.rename(np.uint16(3), "a shoe")
+    session.inspect(np.int64(3))
+    assert session.objects.name[3] == "a shoe"
+    assert session.state.inspected == 3
+
+
+def test_numbers_of_numpy_become_plain(session: Session) -> None:
+    i = outside(session)
+    session.turn(i, EYE.tolist())
+    session.apply_hues({np.int64(1): np.float32(0.25)})
+    session.hue_margin = np.float32(0.25)
+    session.seconds = np.float32(0.5)
+    session.rules = UnpackingRules("exact", np.float32(0.25), np.int64(3), np.True_)
+    told = [*session.hues.values(), session.hue_margin, session.seconds, *session.rules.terms[1:]]
+    assert {type(v) for v in told} == {float, int, bool}
+    np.testing.assert_array_equal(session.poses[i].rotation, EYE)
+
+
+def test_a_margin_that_was_refused_leaves_hues_that_separate(session: Session) -> None:
+    with pytest.raises(ValueError, match="hue_margin"):
+        session.hue_margin = NAN
+    assert np.isfinite(list(session.recolor().values())).all()
+
+
+COLUMNS = ("confidence", "z", "y", "x", "voxels", "volume_mm3", "mean_density")
+
+
+@pytest.mark.parametrize("column", COLUMNS)
+def test_a_table_with_words_for_numbers_is_refused(column: str) -> None:
+    table = pd.DataFrame({column: [0.5, "high", None, 1, 1]}, index=range(1, 6))
+    with pytest.raises(ValueError, match=f"column '{column}' of objects .* got 'high'"):
+        session_of(stack_of_plates(), objects=table)
+
+
+def test_numbers_among_nothing_stay_numbers() -> None:
+    table = pd.DataFrame({"confidence": [0.5, None, 1, "0.25", np.nan]}, index=range(1, 6))
+    found = session_of(stack_of_plates(), objects=table.astype(object)).objects.confidence
+    assert found.dtype == np.float64
+    np.testing.assert_array_equal(found, [0.5, NAN, 1.0, 0.25, NAN])
+
+
+@pytest.mark.parametrize("names", [[1, 2, 3, 4, 5], [1.0, 2.0, None, 4.0, 5.0]], ids=repr)
+def test_numbers_in_the_table_serve_as_names(names: list[Any]) -> None:
+    table = pd.DataFrame({"name": names}, index=range(1, 6))
+    session = session_of(stack_of_plates(), objects=table)
+    session.rename(2, "a shoe")
+    third = "Object 3" if names[2] is None else "3"
+    assert session.objects.name.tolist() == ["1", "a shoe", third, "4", "5"]
+
+
+# Whose arrays they are.
+
+
+def test_an_array_given_is_not_the_sessions(session: Session) -> None:
+    spacing = np.ones(3)
+    bag = nu.Session(session.volume, session.labels, spacing)
+    spacing *= 0.5
+    assert bag.spacing.tolist() == [1, 1, 1]
+    i = outside(session)
+    rotation = EYE.copy()
+    session.turn(i, rotation)
+    rotation[:] = 0
+    assert session.poses[i].rotation.tolist() == EYE.tolist()
+    pose = Pose(np.array([0.0, 3.0, 4.0]), EYE.copy())
+    session.place(i, pose)
+    pose.center[:] = pose.rotation[:] = 0
+    assert session.poses[i].center.tolist() == [0, 3, 4]
+    assert session.poses[i].rotation.tolist() == EYE.tolist()
+
+
+def test_a_camera_given_is_not_the_sessions(session: Session) -> None:
+    center = np.array([1.0, 2.0, 3.0])
+    session.look(replace(session.camera, center=center, height=np.float32(80)))
+    center += 100
+    assert session.camera.center.tolist() == [1, 2, 3]
+    assert type(session.camera.height) is type(session.view.height) is float
+
+
+HANDED_OUT: dict[str, Callable[[Session], np.ndarray]] = {
+    "spacing": lambda s: s.spacing,
+    "slots": lambda s: s.slots.centers,
+    "where a sprite is": lambda s: s.poses[outside(s)].center,
+    "how a sprite is held": lambda s: s.poses[outside(s)].rotation,
+    "along which it left": lambda s: s.state.placements[outside(s)].direction,
+    "D": lambda s: s.unpack_direction,
+    "middle of the view": lambda s: s.camera.center,
+    "turn of the view": lambda s: s.camera.rotation,
+    "stretch of the view": lambda s: s.camera.stretch,
+    "up": lambda s: s.away_from_table,
+}
+
+
+@pytest.mark.parametrize("direction", [None, "up", "+z"])
+@pytest.mark.parametrize("what", HANDED_OUT)
+def test_what_a_session_hands_out_cannot_be_written_to(
+    what: str, direction: str | None, session: Session
+) -> None:
+    session.direction = direction
+    with pytest.raises(ValueError, match="read-only"):
+        HANDED_OUT[what](session)[:] = 7
+
+
+def test_a_session_is_not_copied(session: Session) -> None:
+    with pytest.raises(TypeError, match="save_session"):
+        copy.copy(session)
+    with pytest.raises(TypeError, match="save_session"):
+        copy.deepcopy(session)
