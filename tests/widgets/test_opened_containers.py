@@ -11,6 +11,7 @@ from qtpy.QtCore import QPoint, Qt
 from mouse import move
 from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.layers import compat
+from napari_unpack.viewer.label_sync import QUIET_MS
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import at_rest, controller_with, press, states
 from tin import tin
@@ -173,6 +174,13 @@ def test_a_stroke_inside_is_taken_back_and_one_in_the_bag_counts(
     qtbot.waitUntil(lambda: np.array_equal(layer.data, before), timeout=20000)
     assert "go back to the bag first" in notification_manager.records[-1].message
     assert not panel.unsaved.changed
+    # Another slice is no stroke, though napari tells it alike.
+    told, compared = len(notification_manager.records), []
+    layer.refresh()
+    scheduler = panel.workspace.scheduler
+    scheduler.later(2 * QUIET_MS, lambda: compared.append(True))
+    qtbot.waitUntil(lambda: bool(compared), timeout=20000)
+    assert len(notification_manager.records) == told
     panel.workspace.leave_container()
     layer.paint((1, 1, 1), 1)
     qtbot.waitUntil(lambda: outer.labels[1, 1, 1] == 1, timeout=20000)

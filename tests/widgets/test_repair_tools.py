@@ -442,6 +442,40 @@ def test_a_repair_asked_for_while_a_stroke_is_compared_follows_it(
     assert [step.verb for step in session.history.done] == ["paint", "delete"]
 
 
+def test_a_repair_asked_for_after_another_was_called_off_is_done(
+    panel: UnpackingWidget, session: Any, qtbot: QtBot
+) -> None:
+    repair, released = panel.objects.repair, threading.Event()
+    # It looks no more whether it is wanted, so that it is delivered as ever.
+    edit = session.label_editor.delete_task([CUBE])
+    slow = Task(edit.key, lambda progress: (released.wait(10), edit.run(no_progress))[1])
+    panel.workspace.scheduler.submit(slow, Worker.LONG, lambda _: None)
+    repair.delete([CUBE])
+    assert repair.call_off()
+    repair.delete([SLAB])
+    released.set()
+    qtbot.waitUntil(lambda: SLAB not in session.ids and not repair.running, timeout=20000)
+    assert session.ids == (BELL, CUBE)
+
+
+def test_an_arrow_and_a_tool_call_each_other_off(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
+) -> None:
+    layer = viewer.layers["found"]
+    interaction = panel.workspace.controller.interaction
+    layer.visible, viewer.layers.selection.active = True, layer
+    layer.mode = "paint"
+    rest(panel, qtbot)
+    press(qtbot, panel.objects.split)
+    press(qtbot, panel.unpack.draw)
+    assert (interaction.tool, interaction.pencil.drawing, layer.mode) == (None, True, "pan_zoom")
+    press(qtbot, panel.measure.ruler)
+    assert (interaction.pencil.drawing, layer.mode) == (False, "pan_zoom")
+    assert interaction.tool is not None
+    panel.measure.cancel()
+    assert layer.mode == "paint"
+
+
 class Brush:
     """A session, and a layer of its labels that is followed; tasks wait until they are run."""
 

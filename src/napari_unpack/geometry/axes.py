@@ -33,7 +33,7 @@ def flip_matrix(matrix: ArrayLike) -> Matrix:
 
 
 def fixed(array: ArrayLike) -> NDArray[np.float64]:
-    """Return an array that nobody can write to: itself where it is one, else a copy."""
+    """Return an array that cannot be written to: itself where it is one, else a copy."""
     found = np.asarray(array, dtype=np.float64)
     if found.flags.writeable:
         found = found.copy()
@@ -55,6 +55,8 @@ def number(value: object, name: str) -> float:
     TypeError
         If it is none.
     """
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value.item()
     if isinstance(value, bool) or not isinstance(value, Real):
         raise TypeError(f"{name} must be a number, got {value!r}")
     return float(value)

@@ -84,7 +84,7 @@ def read_itk(path: Path, large: bool = False) -> FileData:
             f"{path} must hold one number a voxel, got {image.GetNumberOfComponentsPerPixel()}"
         )
     if nifti:
-        _put_back(sitk, image, path)
+        image = _put_back(sitk, image, path)
     # A fourth axis of length 1 is a time series of one, which many tools write. Where axes are
     # named, the name says which to drop.
     while fields.axes is None and image.GetDimension() > 3 and image.GetSize()[-1] == 1:
@@ -119,15 +119,20 @@ def read_itk(path: Path, large: bool = False) -> FileData:
     return FileData(array, spacing=spacing, assumed=assumed, scanner_from_scan=place)
 
 
-def _put_back(sitk: Any, image: Any, path: Path) -> None:
-    """Put NaN and infinity of a NIfTI file back into its image, plane by plane."""
-    size = image.GetSize()
-    for k, stored in planes_not_finite(path, size):
-        at = tuple(int(n) for n in np.unravel_index(k, size[2:], order="F"))
-        read = sitk.GetArrayFromImage(image[(slice(None), slice(None), *at)])
-        image[(slice(None), slice(None), *at)] = sitk.GetImageFromArray(
-            np.where(np.isfinite(stored), read, stored).astype(read.dtype)
-        )
+def _put_back(sitk: Any, image: Any, path: Path) -> Any:
+    """Return an image in which NaN and infinity of its NIfTI file are as they are there."""
+    array = None
+    for k, stored in planes_not_finite(path, image.GetSize()):
+        if array is None:
+            array = sitk.GetArrayFromImage(image)
+            planes = array.reshape(-1, *stored.shape)
+        lost = ~np.isfinite(stored)
+        planes[k][lost] = stored[lost]
+    if array is None:
+        return image
+    whole = sitk.GetImageFromArray(array)
+    whole.CopyInformation(image)
+    return whole
 
 
 def _at_right_angles(turned: Matrix) -> bool:

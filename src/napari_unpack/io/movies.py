@@ -35,10 +35,10 @@ if TYPE_CHECKING:
 
 Frame = NDArray[np.uint8]
 FORMATS = (".mp4", ".gif", "")
+"""Suffixes of movies; a name without one is a folder of images."""
 
 # GIF counts in hundredths of a second, and browsers show a frame of one hundredth for ten.
 MOST_GIF_FPS = 50
-"""Suffixes of movies; a name without one is a folder of images."""
 
 
 def checked_movie_path(path: str | Path, size: tuple[int, int]) -> Path:

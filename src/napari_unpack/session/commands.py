@@ -123,6 +123,8 @@ def seated(
     most : int
         How many slots there can be.
     """
+    if state.placements is before.placements:
+        return state
     placements, planned = dict(state.placements), len(plan(before.placements).centers)
     loose = [i for i in placements if i not in before.placements]
     # What has been taken back is to find its slot empty.

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from napari_unpack.geometry.axes import Matrix, fixed, number
 from napari_unpack.geometry.relabeling import compact_labels
 from napari_unpack.geometry.transforms import Pose
+from napari_unpack.rendering import validation
 from napari_unpack.rendering.backends import BACKENDS
 
 # Kernels and textures see labels of 16 bits.
@@ -18,9 +19,6 @@ MOST_ID = 65535
 
 # By so much the rows of a rotation may miss being unit vectors at right angles.
 ROUNDED = 1e-6
-
-MOST_PLANES = 8
-"""Clipping planes that both backends take."""
 
 
 def checked_volume(volume: ArrayLike) -> NDArray[Any]:
@@ -290,18 +288,7 @@ def checked_planes(planes: ArrayLike | None) -> NDArray[np.float64]:
     Raises
     ------
     ValueError
-        If the shape is another, there are more than 8, or a normal has no direction.
+        As `rendering.validation.checked_planes`.
     """
-    array = np.zeros((0, 2, 3)) if planes is None else np.array(planes, dtype=np.float64)
-    if array.size == 0:
-        array = array.reshape(0, 2, 3)
-    if array.ndim != 3 or array.shape[1:] != (2, 3) or len(array) > MOST_PLANES:
-        raise ValueError(
-            f"clipping must be (N, 2, 3) with N up to {MOST_PLANES}, a point and a normal a plane "
-            f"in voxels z y x, got shape {array.shape}"
-        )
-    if not np.isfinite(array).all() or (np.abs(array[:, 1]).max(axis=1, initial=0.0) == 0).any():
-        raise ValueError("clipping must hold finite points and normals that are not zero")
     # Sessions share planes with scenes that workers draw.
-    array.flags.writeable = False
-    return array
+    return fixed(validation.checked_planes(planes))

@@ -17,11 +17,6 @@ class Brush:
     Parameters
     ----------
     viewer : napari.Viewer
-
-    Attributes
-    ----------
-    in_hand : bool
-        Whether a drag would paint or draw, and not turn or pan the view.
     """
 
     def __init__(self, viewer: napari.Viewer) -> None:

@@ -115,7 +115,10 @@ class Pencil:
         self._target, self._frame_pixel, self._brush = target, frame_pixel, brush
 
     def begin(self) -> None:
-        """Wait for an arrow."""
+        """Wait for an arrow; a tool that takes clicks is called off."""
+        tool = self._target.interaction.tool
+        if tool is not None:
+            tool.cancel()
         self.drawing = True
         self._brush.put_down()
 

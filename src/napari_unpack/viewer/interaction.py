@@ -80,6 +80,7 @@ class Interaction:
     def close(self) -> None:
         """Give the mouse back."""
         viewer = self._target.viewer
+        self._brush.take_up()
         viewer.mouse_double_click_callbacks[:] = self._theirs
         if self._move in viewer.mouse_move_callbacks:
             viewer.mouse_move_callbacks.remove(self._move)
@@ -98,12 +99,14 @@ class Interaction:
 
     @tool.setter
     def tool(self, tool: ClickTool | None) -> None:
-        """Have another tool take the clicks; the one before is called off.
+        """Have another tool take the clicks; the one before is called off, and so is an arrow.
 
         A brush is put down meanwhile, or the clicks would paint as well.
         """
         if tool is not None and self._tool is not None:
             self._tool.cancel()
+        if tool is not None and self.pencil.drawing:
+            self.pencil.stop()
         self._tool = tool
         if tool is None:
             self._brush.take_up()

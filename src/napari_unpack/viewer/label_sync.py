@@ -194,8 +194,12 @@ class LabelSync:
     def _take_back(
         self, error: Exception, found: list[tuple[slice, NDArray[np.bool_]] | None]
     ) -> None:
-        for planes, where in filter(None, found):
+        painted = [one for one in found if one is not None]
+        for planes, where in painted:
             self._write((planes, slice(None), slice(None)), where)
+        # Looking at another slice raises the same events as a stroke.
+        if self._refusal and not painted:
+            return
         # Anything else is a defect, and no fault of the brush.
         if not isinstance(error, ValueError):
             raise error

@@ -177,10 +177,9 @@ class RepairTools(QObject):
     ) -> None:
         self._end(task)
         # A repair of a session that is no longer shown would come as a surprise.
-        if session is not self._workspace.session or task is self._called_off:
-            return
-        with notifications.errors_shown():
-            done(edit)
+        if session is self._workspace.session and task is not self._called_off:
+            with notifications.errors_shown():
+                done(edit)
         self._go_on()
 
     def _fail(self, task: Task[Any], refused: Refused, error: Exception) -> None:
