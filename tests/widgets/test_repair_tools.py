@@ -1,48 +1,25 @@
 """Repair by hand in a real viewer: clicks that split, buttons, brushes, undo."""
 
 import threading
-from collections.abc import Callable
 from itertools import product
 from typing import Any
 
-import dask.array
 import numpy as np
 import pytest
-import zarr
-from napari.layers import Labels
-from napari.utils.colormaps import DirectLabelColormap
 from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
 from qtpy.QtTest import QTest
 
-from manual_scheduler import ManualScheduler
+from bells import BELL, CUBE, SLAB, bells
 from mouse import move
 from napari_unpack.layers import compat
 from napari_unpack.segmentation.repair import LabelEdit
-from napari_unpack.session import Session
 from napari_unpack.tasks import Task, no_progress
-from napari_unpack.viewer.label_sync import QUIET_MS, LabelSync
 from napari_unpack.viewer.scheduler import Worker
-from napari_unpack.viewer.slice_sync import SliceHues
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import at_rest, controller_with, press, rest, states
 from viewer_fixtures import canvas
-
-BELL, CUBE, SLAB = 1, 2, 3
-
-
-def bells() -> tuple[np.ndarray, np.ndarray]:
-    """Two balls joined by a bar (1) before a slab (3), and a cube (2) beside them."""
-    z, y, x = np.indices((40, 40, 72))
-    labels = np.zeros(z.shape, np.uint16)
-    for middle in (16, 44):
-        labels[(z - 12) ** 2 + (y - 20) ** 2 + (x - middle) ** 2 < 100] = BELL
-    labels[10:15, 18:23, 16:44] = BELL
-    labels[4:16, 14:26, 58:70] = CUBE
-    labels[26:34, 6:36, 6:60] = SLAB
-    volume = np.where(labels > 0, 800 + 200 * labels, 0).astype(np.uint16)
-    return volume, labels
 
 
 @pytest.fixture
@@ -474,226 +451,6 @@ def test_an_arrow_and_a_tool_call_each_other_off(
     assert interaction.tool is not None
     panel.measure.cancel()
     assert layer.mode == "paint"
-
-
-class Brush:
-    """A session, and a layer of its labels that is followed; tasks wait until they are run."""
-
-    def __init__(self, painted: Any = None, *, factor: int = 1) -> None:
-        volume, labels = bells()
-        given = labels.astype(np.int32) * factor
-        self.session = Session(volume, given)
-        self.layer = Labels(given.copy() if painted is None else painted, name="found")
-        self.layer.n_edit_dimensions = 3
-        self.told: list[str] = []
-        self.asked: list[tuple[Any, ...]] = []
-        self.hues = SliceHues(self.session, [self.layer])
-        self.hues.paint()
-        self.scheduler = ManualScheduler()
-        self.sync = LabelSync(
-            self.session,
-            self.scheduler,
-            [self.layer],
-            lambda *asked: self.asked.append(asked) or True,
-            self.told.append,
-            lambda: self.hues.painting,
-        )
-
-    def run(self) -> None:
-        """Run what has been asked for until now, once the brush is quiet."""
-        self.scheduler.finish_tasks()
-        self.scheduler.advance(QUIET_MS)
-        asked, self.asked[:] = list(self.asked), []
-        for task, take, refused in asked:
-            try:
-                edited = task.run(no_progress)
-            except ValueError as error:
-                refused(error)
-            else:
-                take(edited)
-        self.scheduler.finish_tasks()
-
-    def is_in_step(self) -> bool:
-        """Return whether the layer shows the session's labels."""
-        given = np.array([0, *map(self.session.label_of, range(1, 1 + self.session.ids[-1]))])
-        return bool(np.array_equal(given[self.session.labels], self.layer.data))
-
-
-@pytest.mark.parametrize("factor", [1, 100_000])
-def test_a_stroke_between_the_labels_copy_and_the_3d_view_is_an_edit(factor: int) -> None:
-    painted = bells()[1].astype(np.int32) * factor
-    painted[35:38, 0:3, 0:3] = CUBE * factor
-    brush = Brush(painted.copy(), factor=factor)
-    assert isinstance(brush.layer.colormap, DirectLabelColormap)
-    before = brush.session.labels
-    brush.run()
-    assert np.array_equal(brush.layer.data, painted)
-    assert brush.is_in_step()
-    assert (brush.session.labels == CUBE).sum() == (before == CUBE).sum() + 27
-    brush.layer.paint((36, 36, 60), SLAB * factor)
-    brush.run()
-    assert brush.session.labels[36, 36, 60] == SLAB
-    brush.session.undo()
-    brush.session.undo()
-    assert np.array_equal(brush.session.labels, before)
-    assert brush.is_in_step()
-    assert brush.told == []
-
-
-def test_a_layer_that_is_as_the_session_makes_no_step() -> None:
-    brush = Brush()
-    brush.run()
-    assert not brush.session.history.done
-    assert not brush.sync.pending
-
-
-def test_a_stroke_on_labels_that_change_meanwhile_is_compared_again() -> None:
-    brush = Brush()
-    brush.run()
-    brush.layer.paint((36, 2, 2), CUBE)
-    brush.scheduler.advance(QUIET_MS)
-    ((task, take, _),) = brush.asked
-    brush.asked.clear()
-    edited = task.run(no_progress)
-    brush.session.delete([SLAB])
-    take(edited)
-    assert brush.session.labels[36, 2, 2] == 0
-    assert brush.sync.pending
-    brush.run()
-    assert brush.session.labels[36, 2, 2] == CUBE
-    assert brush.session.ids == (BELL, CUBE)
-    assert brush.is_in_step()
-
-
-def test_a_stroke_on_an_object_that_has_left_meanwhile_costs_no_other_stroke() -> None:
-    brush, first = Brush(), bells()[1]
-    brush.run()
-    brush.layer.paint((38, 36, 60), SLAB)
-    brush.layer.paint((8, 20, 64), SLAB)
-    brush.scheduler.advance(QUIET_MS)
-    ((task, take, _),) = brush.asked
-    brush.asked.clear()
-    edited = task.run(no_progress)
-    # On whom the second was.
-    brush.session.force_unpack(CUBE)
-    take(edited)
-    brush.run()
-    wanted = first.copy()
-    wanted[np.logical_and(brush.layer.data != first, first != CUBE)] = SLAB
-    assert np.array_equal(brush.session.labels, wanted)
-    assert brush.session.labels[38, 36, 60] == SLAB
-    assert brush.session.labels[8, 20, 64] == CUBE
-    assert brush.is_in_step()
-    (said,) = brush.told
-    assert said.endswith("The strokes on those outside are taken back, all others count.")
-
-
-@pytest.mark.parametrize(
-    ("change", "reason"),
-    [
-        (lambda layer: layer.paint((36, 2, 2), 70_000), "got 70000"),
-        (lambda layer: layer.fill((8, 20, 64), 70_000), "got 70000"),
-        (lambda layer: (layer.data.fill(0), layer.refresh()), "at least one object must be left"),
-    ],
-    ids=["paint", "fill", "erase all"],
-)
-def test_what_cannot_be_taken_over_is_taken_back_and_later_strokes_and_undo_work(
-    change: Callable[[Labels], Any], reason: str
-) -> None:
-    brush, first = Brush(), bells()[1]
-    brush.run()
-    change(brush.layer)
-    brush.run()
-    (said,) = brush.told
-    assert said.startswith("What was painted is taken back: ")
-    assert reason in said
-    assert np.array_equal(brush.layer.data, first)
-    brush.layer.paint((36, 36, 60), SLAB)
-    brush.run()
-    assert brush.session.labels[36, 36, 60] == SLAB
-    assert brush.is_in_step()
-    brush.session.undo()
-    brush.hues.paint()
-    brush.run()
-    assert np.array_equal(brush.session.labels, first)
-    assert np.array_equal(brush.layer.data, first)
-    assert brush.told == [said]
-
-
-def test_other_colours_are_no_stroke() -> None:
-    brush = Brush()
-    brush.run()
-    heard: list[Any] = []
-    brush.layer.events.set_data.connect(heard.append)
-    # Written without a word, so that no comparison has met it yet.
-    brush.layer.data[brush.layer.data == CUBE] = 0
-    brush.session.select([BELL])
-    brush.hues.paint()
-    brush.hues.close()
-    assert heard
-    assert not brush.sync.pending
-
-
-def test_labels_that_take_the_place_of_the_followed_are_told_once() -> None:
-    brush, labels = Brush(), bells()[1].astype(np.int32)
-    brush.run()
-    brush.layer.data = dask.array.from_array(labels, chunks=20)
-    brush.layer.paint((36, 2, 2), CUBE)
-    brush.session.merge([BELL, CUBE])
-    (said,) = brush.told
-    assert "found changes no object, and repairs are not shown there" in said
-    assert "piece by piece" in said
-    brush.session.undo()
-    # Back in memory it is followed as before.
-    brush.layer.data = labels.copy()
-    brush.layer.paint((36, 36, 60), SLAB)
-    brush.run()
-    assert brush.session.labels[36, 36, 60] == SLAB
-    brush.layer.data = labels[:24].copy()
-    brush.layer.paint((20, 2, 2), CUBE)
-    brush.run()
-    assert len(brush.told) == 2
-    assert "its labels are 24 x 40 x 72 now and those of the objects 40 x 40 x 72" in brush.told[1]
-
-
-def test_labels_of_another_shape_at_the_start_are_told() -> None:
-    brush = Brush(bells()[1][:24].astype(np.int32))
-    assert brush.asked == []
-    (said,) = brush.told
-    assert "found changes no object" in said
-
-
-def test_labels_in_several_resolutions_are_left_alone() -> None:
-    finest = bells()[1]
-    brush = Brush([finest, finest[::2, ::2, ::2]])
-    brush.session.delete([CUBE])
-    brush.run()
-    assert brush.asked == []
-    assert brush.told == []
-    assert np.array_equal(brush.layer.data[0], bells()[1])
-
-
-@pytest.mark.parametrize(
-    "stored",
-    [
-        lambda labels: dask.array.from_array(labels, chunks=20),
-        lambda labels: zarr.array(labels, chunks=(20, 20, 20)),
-    ],
-    ids=["dask", "zarr"],
-)
-def test_strokes_on_labels_that_stay_on_disk_are_refused_in_words(
-    stored: Callable[[np.ndarray], Any],
-) -> None:
-    brush = Brush(stored(bells()[1]))
-    assert brush.told == []
-    brush.layer.paint((12, 20, 16), CUBE)
-    brush.layer.paint((12, 20, 18), CUBE)
-    (said,) = brush.told
-    assert "found" in said
-    assert "in memory" in said
-    assert not brush.sync.pending
-    assert brush.asked == []
-    brush.sync.close()
 
 
 def test_undo_of_earlier_repairs_copies_volumes_in_a_worker(

@@ -130,7 +130,8 @@ def _put_back(sitk: Any, image: Any, path: Path) -> Any:
         planes[k][lost] = stored[lost]
     if array is None:
         return image
-    whole = sitk.GetImageFromArray(array)
+    # By itself it takes the last of four axes for the parts of a vector.
+    whole = sitk.GetImageFromArray(array, isVector=False)
     whole.CopyInformation(image)
     return whole
 
