@@ -148,6 +148,8 @@ def test_clicks_that_a_tool_takes_do_not_paint(
     before = layer.data.copy()
     canvas(viewer)
     rest(panel, qtbot)
+    # That the layer is seen is compared as a stroke would be.
+    qtbot.waitUntil(panel.objects.split.isEnabled, timeout=20000)
     press(qtbot, panel.objects.split)
     assert layer.mode == "pan_zoom"
     for x in (16, 44):
@@ -443,6 +445,8 @@ def test_an_arrow_and_a_tool_call_each_other_off(
     layer.visible, viewer.layers.selection.active = True, layer
     layer.mode = "paint"
     rest(panel, qtbot)
+    # That the layer is seen is compared as a stroke would be.
+    qtbot.waitUntil(panel.objects.split.isEnabled, timeout=20000)
     press(qtbot, panel.objects.split)
     press(qtbot, panel.unpack.draw)
     assert (interaction.tool, interaction.pencil.drawing, layer.mode) == (None, True, "pan_zoom")
