@@ -326,6 +326,11 @@ def test_what_is_opened_again_has_the_names_of_now() -> None:
     assert names_of(bags.open(outer, 1), 3) == ["rock"]
     bags.leave(outer, 1)
     assert names_of(outer, 3) == ["rock"]
+    # Nor does redo inside bring back a name that the bag has taken over.
+    inner.undo()
+    inner.redo()
+    bags.leave(outer, 1)
+    assert names_of(outer, 3) == ["rock"]
 
 
 def test_parts_of_one_object_share_no_names_with_the_bag(session: Session) -> None:

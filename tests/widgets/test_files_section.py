@@ -349,7 +349,11 @@ def test_a_dropped_session_opens_in_the_panel(
 
 
 def test_a_session_opens_in_the_viewer_that_it_was_dropped_on(
-    viewer: Any, make_napari_viewer: Viewers, qtbot: QtBot, tmp_path: Path
+    viewer: Any,
+    make_napari_viewer: Viewers,
+    qtbot: QtBot,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     path = nu.save_session(nu.Session(*pile_of_balls()), tmp_path / "dropped.unpack")
     other = make_napari_viewer(show=True)
@@ -361,6 +365,11 @@ def test_a_session_opens_in_the_viewer_that_it_was_dropped_on(
     QCursor.setPos(inside)
     qtbot.waitUntil(lambda: QCursor.pos() == inside, timeout=5000)
     qtbot.waitUntil(lambda: QApplication.topLevelAt(inside) is windows[0], timeout=5000)
+    # What one opens in the active window is no drop, wherever the mouse is.
+    monkeypatch.setattr(type(windows[1]), "isActiveWindow", lambda _: True)
+    assert compat.unwrap(compat.viewer_dropped_on()) is compat.unwrap(other)
+    # It is the other program's from which one drags.
+    monkeypatch.setattr(type(windows[1]), "isActiveWindow", lambda _: False)
     drop(viewer, path)
     (panel,) = windows[0].findChildren(UnpackingWidget)
     assert windows[1].findChildren(UnpackingWidget) == []

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from napari.layers import Labels
 from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
@@ -32,6 +33,14 @@ def session(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> Any:
     # The first to cast compiles the kernels.
     assert panel.workspace.controller.settle(200)
     return made
+
+
+def with_brush(viewer: Any) -> Labels:
+    """Return the user's labels, seen and with napari's brush in hand, which paints the cube's."""
+    layer = viewer.layers["found"]
+    layer.visible, viewer.layers.selection.active = True, layer
+    layer.mode, layer.brush_size, layer.selected_label = "paint", 3, CUBE
+    return layer
 
 
 def click(panel: UnpackingWidget, voxel: tuple[int, int, int], qtbot: QtBot) -> None:
@@ -140,11 +149,9 @@ def test_clicks_in_a_slice_split_too(
 def test_clicks_that_a_tool_takes_do_not_paint(
     viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot, ndisplay: int
 ) -> None:
-    layer = viewer.layers["found"]
     viewer.dims.ndisplay = ndisplay
     viewer.dims.set_point(0, 12)
-    layer.visible, viewer.layers.selection.active = True, layer
-    layer.mode, layer.brush_size, layer.selected_label = "paint", 3, CUBE
+    layer = with_brush(viewer)
     before = layer.data.copy()
     canvas(viewer)
     rest(panel, qtbot)
@@ -172,10 +179,8 @@ def test_clicks_that_a_tool_takes_do_not_paint(
 def test_a_brush_taken_up_while_a_tool_waits_paints_and_the_tool_goes_on_waiting(
     viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
 ) -> None:
-    layer = viewer.layers["found"]
-    layer.visible, viewer.layers.selection.active = True, layer
     press(qtbot, panel.measure.ruler)
-    layer.mode, layer.brush_size, layer.selected_label = "paint", 3, CUBE
+    layer = with_brush(viewer)
     at_rest(panel.workspace.controller, qtbot)
     click(panel, (12, 20, 16), qtbot)
     assert (layer.data == CUBE).sum() > 12**3
@@ -192,10 +197,8 @@ def test_a_brush_taken_up_while_a_tool_waits_paints_and_the_tool_goes_on_waiting
 def test_dabs_of_a_brush_in_3d_leave_its_label_and_what_is_selected(
     viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
 ) -> None:
-    layer = viewer.layers["found"]
-    layer.visible, viewer.layers.selection.active = True, layer
     session.select([CUBE])
-    layer.mode, layer.brush_size, layer.selected_label = "paint", 3, CUBE
+    layer = with_brush(viewer)
     at_rest(panel.workspace.controller, qtbot)
     for x in (16, 44):
         click(panel, (12, 20, x), qtbot)
@@ -440,10 +443,7 @@ def test_a_repair_asked_for_after_another_was_called_off_is_done(
 def test_an_arrow_and_a_tool_call_each_other_off(
     viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
 ) -> None:
-    layer = viewer.layers["found"]
-    interaction = panel.workspace.controller.interaction
-    layer.visible, viewer.layers.selection.active = True, layer
-    layer.mode = "paint"
+    interaction, layer = panel.workspace.controller.interaction, with_brush(viewer)
     rest(panel, qtbot)
     # That the layer is seen is compared as a stroke would be.
     qtbot.waitUntil(panel.objects.split.isEnabled, timeout=20000)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from numbers import Real
+from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -39,6 +40,11 @@ def fixed(array: ArrayLike) -> NDArray[np.float64]:
         found = found.copy()
         found.flags.writeable = False
     return found
+
+
+def is_integer(value: object) -> TypeGuard[int | np.integer]:
+    """Tell whether a value is a whole number, of Python or of numpy; True and False are none."""
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 def number(value: object, name: str) -> float:

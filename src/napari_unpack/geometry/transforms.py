@@ -14,6 +14,9 @@ from scipy.spatial.transform import Rotation, Slerp
 from napari_unpack.geometry.axes import Matrix, Vector, fixed, transform_points, unit
 from napari_unpack.geometry.view import Camera
 
+# By so much products of the rows of a rotation may miss those of unit vectors at right angles.
+ROUNDED = 1e-6
+
 
 def translation(offset: ArrayLike) -> Matrix:
     """Return the (4, 4) translation by an offset in mm, z y x."""
@@ -48,6 +51,13 @@ def slerp(first: Matrix, second: Matrix, fraction: float) -> Matrix:
     both = Rotation.from_matrix(np.stack([first, second]))
     # At the ends the rotation is exactly one of the two.
     return Slerp([0.0, 1.0], both)(float(np.clip(fraction, 0.0, 1.0))).as_matrix()
+
+
+def is_rotation(matrix: Matrix) -> bool:
+    """Tell whether a (3, 3) matrix turns and does nothing else: it does not mirror either."""
+    # Many turns one after another, and saved floats, are off by far less.
+    square = bool((np.abs(matrix @ matrix.T - np.eye(3)) <= ROUNDED).all())
+    return square and bool(np.linalg.det(matrix) > 0)
 
 
 @dataclass(frozen=True, eq=False)

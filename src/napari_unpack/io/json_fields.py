@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.geometry.transforms import is_rotation
+
 LARGEST = 1e12
 """Of any number that is no density: a billion kilometres, or 30,000 years of seconds."""
 
@@ -104,9 +106,7 @@ class Fields:
     def rotation(self) -> NDArray[np.float64]:
         """Return "rotation", a proper (3, 3) one."""
         rotation = self.array("rotation", (3, 3))
-        # Rounding of saved floats is far below 1e-6; a mirror image is refused by its determinant.
-        proper = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6)
-        if not proper or np.linalg.det(rotation) < 0:
+        if not is_rotation(rotation):
             self._refuse("rotation", "a rotation", rotation.tolist())
         return rotation
 

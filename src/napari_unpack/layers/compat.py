@@ -123,14 +123,15 @@ def native_window(viewer: napari.Viewer) -> QMainWindow | None:
 def viewer_dropped_on() -> napari.Viewer | None:
     """Return the viewer that a file was dropped on, which napari tells no reader.
 
-    It is that whose window the mouse is over, else the one napari calls current; None where there
-    is none.
+    What is dropped comes from another program, so that none of our windows is active: it is that
+    which the mouse is over. Else it is the one napari calls current; None where there is none.
     """
     from napari import current_viewer
 
     current = current_viewer()
-    if current is None:
-        return None
+    own = None if current is None else native_window(current)
+    if own is None or own.isActiveWindow():
+        return current
     from qtpy.QtGui import QCursor
     from qtpy.QtWidgets import QApplication
 

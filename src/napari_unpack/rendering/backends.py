@@ -22,6 +22,19 @@ BACKENDS = ("auto", "cpu", "gl")
 T = TypeVar("T")
 
 
+def checked_backend(backend: str) -> str:
+    """Return what casts rays.
+
+    Raises
+    ------
+    ValueError
+        If there is no such backend.
+    """
+    if backend not in BACKENDS:
+        raise ValueError(f"backend must be one of {', '.join(BACKENDS)}, got {backend!r}")
+    return backend
+
+
 class RenderBackend(Protocol):
     """What a backend computes; the modules `rendering.cpu` and `rendering.gl.backend` do.
 
@@ -161,9 +174,7 @@ def chosen(backend: str) -> RenderBackend:
     ValueError
         If the backend is unknown, or "gl" where no GL context can be had.
     """
-    if backend not in BACKENDS:
-        raise ValueError(f"backend must be one of {BACKENDS}, got {backend!r}")
-    if on_cpu(backend):
+    if on_cpu(checked_backend(backend)):
         return cpu_backend()
     if backend == "gl" and not gl_driver().available():
         raise ValueError('backend "gl" needs a GL context and none can be had here; use "cpu"')

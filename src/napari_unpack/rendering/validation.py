@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from napari_unpack.geometry.axes import is_integer
 from napari_unpack.geometry.relabeling import compact_labels
 from napari_unpack.geometry.view import View
 from napari_unpack.memory import PICTURE_BYTES, check_picture
@@ -16,7 +17,7 @@ from napari_unpack.memory import PICTURE_BYTES, check_picture
 MOST_IDS = 65_536
 # Differences of such densities, and differences of those, are still float32 numbers.
 MOST_DENSITY = 1e37
-# Clipping planes that both backends take.
+# Clipping planes that both backends take; the twin of shaders/lib/clip_planes.glsl.
 MOST_PLANES = 8
 
 
@@ -253,8 +254,7 @@ def checked_ids(ids: Iterable[int], name: str) -> list[int]:
         raise TypeError(f"{name} must be a collection of object IDs, got {ids!r}")
     out = list(ids)
     for object_id in out:
-        # True would pass for object 1.
-        if isinstance(object_id, bool) or not isinstance(object_id, (int, np.integer)):
+        if not is_integer(object_id):
             raise TypeError(f"{name} must hold object IDs (integers), got {object_id!r}")
     return [int(i) for i in out]
 

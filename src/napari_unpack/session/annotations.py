@@ -10,7 +10,7 @@ from napari_unpack.appearance.tints import Rgba
 from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session import commands
 from napari_unpack.session.document import Document
-from napari_unpack.session.state import FLAGS, Flag
+from napari_unpack.session.state import FLAGS, Flag, SessionState
 from napari_unpack.session.validation import checked_kind
 
 T = TypeVar("T")
@@ -103,10 +103,15 @@ class Annotations:
         -----
         They count as names the objects came with: no step of undo, and none was given here.
         """
-        state = self._doc.state
-        self._doc.label_data.facts.loc[list(names), "name"] = list(names.values())
-        kept = {i: name for i, name in state.names.items() if i not in names}
-        self._doc.enter(replace(state, names=kept))
+
+        def unnamed(state: SessionState) -> SessionState:
+            kept = {i: name for i, name in state.names.items() if i not in names}
+            return replace(state, names=kept)
+
+        self._doc.label_data = self._doc.label_data.renamed(names)
+        # Or redo would give one of before, which the bag would then take.
+        self._doc.history.every(unnamed)
+        self._doc.enter(unnamed(self._doc.state))
 
     def set_style(self, object_id: int, style: ObjectStyle | None) -> None:
         """Give an object an opacity curve or a cut of its own; see `Session.set_style`.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.geometry.axes import unit
+from napari_unpack.geometry.axes import fixed, unit
 
 if TYPE_CHECKING:
     from napari_unpack.session.document import Document
@@ -188,9 +188,7 @@ def without(planes: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray
 
 
 def _pair(value: ArrayLike, name: str, what: str) -> NDArray[np.float64]:
-    array = np.array(value, dtype=np.float64)
+    array = fixed(value)
     if array.shape != (2, 3) or not np.isfinite(array).all():
         raise ValueError(f"{name} must be {what}, (2, 3) finite mm z y x, got {value!r}")
-    # Shared with whoever asks.
-    array.flags.writeable = False
     return array

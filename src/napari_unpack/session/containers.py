@@ -384,9 +384,8 @@ class OpenedBags:
 
         Parameters
         ----------
-        session : Session
-            Whose object.
-        object_id : int
+        session, object_id
+            As for `restore`.
         """
         bag = self._known(session).get(object_id)
         # Most bags are left without a new name, and then nothing is searched.

@@ -363,6 +363,12 @@ class LabelData:
         found = [float(scores.get(i, float("nan"))) for i in self.ids]
         return replace(self, facts=self.facts.assign(confidence=found))
 
+    def renamed(self, names: Mapping[int, str]) -> LabelData:
+        """Return them with other names that objects came with."""
+        column = self.facts["name"].copy()
+        column.loc[list(names)] = list(names.values())
+        return replace(self, facts=self.facts.assign(name=column))
+
     def facts_after(self, edit: Edit) -> pd.DataFrame:
         """Return the table of objects after an edit of these labels."""
         return _exchanged(self.facts, edit.facts[0], edit.facts[1])

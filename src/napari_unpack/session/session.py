@@ -16,6 +16,7 @@ from napari_unpack.geometry.axes import Matrix, Vector, checked_spacing, triple,
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
+from napari_unpack.rendering.backends import checked_backend
 from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.rendering.scene import Scene
 from napari_unpack.session import commands, validation
@@ -157,7 +158,7 @@ class Session:
 
     backend = Setting(
         lambda s: s._doc.backend,
-        lambda s, v: setattr(s._doc, "backend", validation.checked_backend(v)),
+        lambda s, v: setattr(s._doc, "backend", checked_backend(v)),
     )
     """What casts rays for this session's queries: "auto", "cpu" or "gl"."""
     bag = Read(lambda s: s._doc.bag)

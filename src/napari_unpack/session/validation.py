@@ -8,17 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.geometry.axes import Matrix, fixed, number
+from napari_unpack.geometry.axes import Matrix, fixed, is_integer, number
 from napari_unpack.geometry.relabeling import compact_labels
-from napari_unpack.geometry.transforms import Pose
+from napari_unpack.geometry.transforms import Pose, is_rotation
 from napari_unpack.rendering import validation
-from napari_unpack.rendering.backends import BACKENDS
 
 # Kernels and textures see labels of 16 bits.
 MOST_ID = 65535
-
-# By so much the rows of a rotation may miss being unit vectors at right angles.
-ROUNDED = 1e-6
 
 
 def checked_volume(volume: ArrayLike) -> NDArray[Any]:
@@ -109,8 +105,7 @@ def checked_ids(ids: int | Iterable[int], known: Iterable[int], name: str = "ids
     """
     given = [ids] if isinstance(ids, int | np.integer) else list(ids)
     for i in given:
-        # True would pass for object 1.
-        if isinstance(i, bool | np.bool_) or not isinstance(i, int | np.integer):
+        if not is_integer(i):
             raise TypeError(f"{name} must be object IDs (integers), got {i!r}")
     # In the order given, in which they leave where nothing else decides.
     wanted = list(dict.fromkeys(int(i) for i in given))
@@ -136,7 +131,7 @@ def checked_id(object_id: int, known: Iterable[int]) -> int:
     ValueError
         If it is not among the known.
     """
-    if isinstance(object_id, bool) or not isinstance(object_id, int | np.integer):
+    if not is_integer(object_id):
         raise TypeError(f"object_id must be one object ID (an integer), got {object_id!r}")
     return checked_ids(object_id, known, "object_id")[0]
 
@@ -157,7 +152,7 @@ def checked_whole(value: int, name: str) -> int:
     ValueError
         If it is negative.
     """
-    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+    if not is_integer(value):
         raise TypeError(f"{name} must be a whole number, got {value!r}")
     if value < 0:
         raise ValueError(f"{name} must not be negative, got {value!r}")
@@ -204,9 +199,7 @@ def checked_rotation(rotation: ArrayLike) -> Matrix:
         turn = fixed(rotation)
     except (TypeError, ValueError):
         turn = np.empty(0)
-    finite = turn.shape == (3, 3) and bool(np.isfinite(turn).all())
-    # Sums of many small turns are off by far less; a mirror image has the other determinant.
-    if not finite or np.abs(turn @ turn.T - np.eye(3)).max() > ROUNDED or np.linalg.det(turn) < 0:
+    if turn.shape != (3, 3) or not is_rotation(turn):
         given = rotation.tolist() if isinstance(rotation, np.ndarray) else rotation
         raise ValueError(
             f"rotation must be a (3, 3) rotation, which neither enlarges nor mirrors, got {given!r}"
@@ -235,19 +228,6 @@ def checked_pose(pose: Pose) -> Pose:
         raise ValueError(f"scale of the pose must be a positive number, got {pose.scale!r}")
     checked_rotation(pose.rotation)
     return pose.kept()
-
-
-def checked_backend(backend: str) -> str:
-    """Return what casts rays.
-
-    Raises
-    ------
-    ValueError
-        If there is no such backend.
-    """
-    if backend not in BACKENDS:
-        raise ValueError(f"backend must be one of {', '.join(BACKENDS)}, got {backend!r}")
-    return backend
 
 
 def checked_kind(value: object, kind: type, name: str) -> None:

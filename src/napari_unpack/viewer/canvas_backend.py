@@ -36,9 +36,6 @@ if TYPE_CHECKING:
 # Around an object's box that its fringe reaches; see `geometry.grow_labels`.
 FRINGE_VOXELS = 2
 
-# "auto" leaves software renderers alone, which cast slower than our own threads.
-BACKENDS = ("auto", "cpu", "gl")
-
 # What is sent to the graphics card while the canvas draws one frame: a few milliseconds.
 BYTES_A_FRAME = 16 * 2**20
 

@@ -20,11 +20,11 @@ from napari_unpack.layers.placement import placement_of
 from napari_unpack.layers.sprite_layer import SpriteLayer
 from napari_unpack.layers.transition_layer import TransitionLayer
 from napari_unpack.layers.view_camera import Frame
+from napari_unpack.rendering.backends import checked_backend
 from napari_unpack.tasks import Task
 from napari_unpack.viewer.animation import HueFade
 from napari_unpack.viewer.background_queries import BackgroundQueries
 from napari_unpack.viewer.camera_sync import follow_placement
-from napari_unpack.viewer.canvas_backend import BACKENDS
 from napari_unpack.viewer.connections import ControllerConnections
 from napari_unpack.viewer.cut_handle import CutHandle
 from napari_unpack.viewer.framing import Framing
@@ -223,9 +223,7 @@ class SessionController:
         ValueError
             If there is no such backend.
         """
-        if backend not in BACKENDS:
-            raise ValueError(f'backend must be "auto", "cpu" or "gl", got {backend!r}')
-        self.renderer.cast_with(backend)
+        self.renderer.cast_with(checked_backend(backend))
 
     @property
     def casts_with(self) -> str:

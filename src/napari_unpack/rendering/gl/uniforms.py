@@ -12,9 +12,7 @@ from napari_unpack.geometry.axes import flip
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.rendering.gl.memory import TABLES, memory_counter
 from napari_unpack.rendering.gl.textures import VolumeTextures
-
-# Clipping planes a shader takes; the twin of shaders/lib/clip_planes.glsl.
-MAX_PLANES = 8
+from napari_unpack.rendering.validation import MOST_PLANES, checked_planes
 
 Uniforms = dict[str, Any]
 
@@ -55,15 +53,10 @@ def plane_uniforms(clipping: ArrayLike | None) -> Uniforms:
     Raises
     ------
     ValueError
-        If the shape is another or there are more.
+        As `checked_planes`.
     """
-    planes = np.zeros((0, 2, 3)) if clipping is None else np.asarray(clipping, dtype=np.float64)
-    if planes.ndim != 3 or planes.shape[1:] != (2, 3) or len(planes) > MAX_PLANES:
-        raise ValueError(
-            f"clipping must be (N, 2, 3) with N up to {MAX_PLANES}: a point and a normal a "
-            f"plane, got {planes.shape}"
-        )
-    rows = np.zeros((MAX_PLANES, 4))
+    planes = checked_planes(clipping)
+    rows = np.zeros((MOST_PLANES, 4))
     rows[: len(planes), :3] = flip(planes[:, 1])
     rows[: len(planes), 3] = -(planes[:, 0] * planes[:, 1]).sum(axis=1)
     # One by one: vispy sends all of a uniform array the first time only.
