@@ -21,6 +21,7 @@ from napari_unpack.rendering.image_patch import ImagePatch
 from napari_unpack.rendering.rulers import Ruler
 from napari_unpack.rendering.scene import Scene, SceneDifference
 from napari_unpack.session import Session
+from napari_unpack.thread_count import SETTING
 from napari_unpack.unpacking import Flight
 
 object_image = partial(compose.object_image, backend="cpu")
@@ -182,7 +183,9 @@ def test_of_a_sprite_larger_than_the_image_only_what_is_in_it_is_cast(
     assert max(made.size for made in casts) <= SIZE
 
 
-def test_an_image_takes_the_memory_that_is_asked_for() -> None:
+def test_an_image_takes_the_memory_that_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Each thread has a few megabytes of its own: sixteen of them need more than this small image.
+    monkeypatch.setenv(SETTING, "2")
     scene = make_scene()
     camera, size = View((0.2, 0.1, 1.0)).camera((40, 48, 56), (1, 1, 1)), (600, 800)
     scene_image(scene, camera, (6, 8))
