@@ -124,11 +124,14 @@ def measure_parts(
     boxes = label_boxes(labels)
     hulls = [np.zeros((0, 3))] * count
     volumes = np.zeros(count)
-    for name in share.part(0.5, 1.0).over(boxes.ids.tolist()):
+
+    def find_hull(name: int) -> None:
         box = boxes.slices(name)
         first = np.array([b.start for b in box])
         corners = support_points(mask_corners(labels[box] == name, first, spacing))
         hulls[name], volumes[name] = corners, hull_volume(corners)
+
+    share.part(0.5, 1.0).at_once(boxes.ids.tolist(), find_hull)
     return Parts(sums, area, middle, step, hulls, volumes, float(np.prod(spacing)))
 
 
@@ -321,9 +324,8 @@ def agglomerate(
     version = np.zeros(count, np.int64)
     heap: list[tuple[float, int, int, int, int]] = []
 
-    def consider(one: int, two: int) -> None:
-        one, two = min(one, two), max(one, two)
-        chance = classifier(one, two, pair_features(parts, one, two))
+    def consider(one: int, two: int, row: NDArray[np.float64]) -> None:
+        chance = classifier(one, two, row)
         if chance >= least:
             heapq.heappush(heap, (-chance, one, two, int(version[one]), int(version[two])))
         elif log is not None:
@@ -331,8 +333,10 @@ def agglomerate(
 
     surface = parts.area.sum(axis=1) + parts.sums[:, 4]
     near = parts.area > TOUCHING * np.minimum.outer(surface, surface)
-    for one, two in share.part(0.0, 0.5).over(np.argwhere(np.triu(near, 1)).tolist()):
-        consider(one, two)
+    pairs = np.argwhere(np.triu(near, 1)).tolist()
+    rows = share.part(0.0, 0.5).at_once(pairs, lambda pair: pair_features(parts, *pair))
+    for (one, two), row in zip(pairs, rows, strict=True):
+        consider(one, two, row)
     merged = 0
     while heap:
         lacking, one, two, first, second = heapq.heappop(heap)
@@ -350,5 +354,6 @@ def agglomerate(
         surface[one] = parts.area[one].sum() + parts.sums[one, 4]
         enough = parts.area[one] > TOUCHING * np.minimum(surface[one], surface)
         for other in np.flatnonzero(enough).tolist():
-            consider(one, other)
+            a, b = min(one, other), max(one, other)
+            consider(a, b, pair_features(parts, a, b))
     return owner
