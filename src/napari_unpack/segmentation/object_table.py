@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -140,6 +140,7 @@ def confidences(
     spacing: Spacing,
     oracle: Oracle | None = None,
     share: Share = SILENT,
+    ids: Iterable[int] | None = None,
 ) -> dict[int, float]:
     """Rate every object, by label; 0 where the oracle has no number, as of densities too large.
 
@@ -147,12 +148,14 @@ def confidences(
     ----------
     labels, density, spacing, oracle, share
         As for `object_table`.
+    ids : iterable of int, optional
+        Labels of those to rate; by default all.
     """
     boxes, density = label_boxes(labels), in_common_range(density)[0]
     air = air_offset(density, labels)
     confidence_of = oracle or default_oracle()
     found = {}
-    for name in share.over(boxes.ids.tolist()):
+    for name in share.over(boxes.ids.tolist() if ids is None else list(ids)):
         box = boxes.slices(name)
         region = Region.of(labels[box] == name, density, box, spacing, air)
         value = float(confidence_of(region))
