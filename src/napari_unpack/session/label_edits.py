@@ -383,18 +383,23 @@ class LabelEditor:
     def _confidence(self) -> Confidence:
         from napari_unpack.segmentation import Region
         from napari_unpack.segmentation.common.density_regions import air_offset
+        from napari_unpack.segmentation.common.validation import in_common_range
         from napari_unpack.segmentation.confidence.oracle import default_oracle
 
         oracle = self.oracle or default_oracle()
         spacing = triple(self._session.spacing)
         volume, labels = self._session.volume, self._session.label_data.labels
-        # Once asked, by the worker: it looks through the whole volume.
-        air = cache(lambda: air_offset(volume, labels))
 
-        def confidence(
-            mask: NDArray[np.bool_], density: NDArray[Any], first: tuple[int, int, int]
-        ) -> float:
-            return float(oracle(Region(mask, density, first, spacing, air=air())))
+        # Once asked, by the worker: it looks through the whole volume.
+        @cache
+        def field() -> tuple[NDArray[np.generic], float]:
+            density = in_common_range(volume)[0]
+            return density, air_offset(density, labels)
+
+        def confidence(mask: NDArray[np.bool_], box: tuple[slice, slice, slice]) -> float:
+            density, air = field()
+            # With what is around it, as `confidences` rates all.
+            return float(oracle(Region.of(mask, density, box, spacing, air)))
 
         return confidence
 

@@ -172,8 +172,8 @@ def _add_plane(plane, labels, z, numbers):  # type: ignore[no-untyped-def]
 # Voxels that display labels grow: the fringe of partial volume around an object.
 FRINGE = 2
 
-Confidence = Callable[[NDArray[np.bool_], NDArray[Any], tuple[int, int, int]], float]
-"""Given mask, density and first voxel of an object's box, returns how sure it is one object."""
+Confidence = Callable[[NDArray[np.bool_], tuple[slice, slice, slice]], float]
+"""Given an object's mask in its box, and that in the volume, how sure it is one object."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -349,7 +349,7 @@ class LabelData:
         spacing : (3,) ndarray of float64
             mm.
         confidence : callable
-            Given mask, density and first voxel of an object's box, returns its confidence.
+            Given an object's mask in its box, and that in the volume, returns its confidence.
         given_ids : (N + 1,) ndarray of int64, optional
             By ID, the one people know it by, the new objects included.
         """
@@ -377,8 +377,7 @@ class LabelData:
             # Where none is known, a column with a few numbers would seem to rate the others.
             if self.facts["confidence"].notna().any():
                 after["confidence"] = [
-                    confidence(part[own] == i, volume[box][own], tuple(int(s.start) for s in own))  # type: ignore[arg-type]
-                    for i, own in ((int(i), local.slices(int(i))) for i in local.ids)
+                    confidence(part[local.slices(i)] == i, new.slices(i)) for i in new.ids.tolist()
                 ]
         edit = Edit(self.edit, change, (old, new), (before, after), self.rating)
         named = self if given_ids is None else replace(self, given_ids=given_ids)
