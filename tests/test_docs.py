@@ -275,6 +275,7 @@ def test_docstrings_of_the_package_refer_to_what_it_has() -> None:
 
 
 SCHEMA = json.loads((DOCS / "reference" / "session.schema.json").read_text("utf-8"))
+FIXTURE_MODEL = ROOT / "tests" / "io" / "fixtures" / "oracle.npz"
 SAVED = sorted((ROOT / "tests" / "io" / "fixtures").glob("*.unpack"))
 
 
@@ -300,6 +301,11 @@ def test_a_session_of_today_keeps_to_the_schema(tmp_path: Path) -> None:
     nu.save_session(session, tmp_path / "today.unpack")
     record = told(tmp_path / "today.unpack")
     jsonschema.validate(record, SCHEMA)
+    session.use_oracle(nu.Oracle.load(FIXTURE_MODEL), dict.fromkeys(session.ids, 0.5))
+    nu.save_session(session, tmp_path / "own.unpack")
+    own = told(tmp_path / "own.unpack")
+    jsonschema.validate(own, SCHEMA)
+    assert own.keys() - record.keys() == {"model"}
     record["session"]["situation"]["hues"]["1"] = 2  # type: ignore[index]
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(record, SCHEMA)

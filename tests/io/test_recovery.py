@@ -15,6 +15,8 @@ from napari_unpack.io import recovery
 from napari_unpack.io.recovery import Leftover, UnsavedCopy, leftovers, locked
 from napari_unpack.io.session_archive import Told
 from napari_unpack.io.session_json import record_of, work_of
+from napari_unpack.segmentation.confidence.features import FEATURES
+from napari_unpack.segmentation.confidence.oracle import fit_features
 
 
 def bag() -> nu.Session:
@@ -188,3 +190,14 @@ def test_work_is_what_a_person_did_and_undo_takes_it_back() -> None:
     assert work_of(session) == before
     session.tint_mode = "safe"
     assert work_of(session) != before
+
+
+def test_a_copy_holds_the_model_that_scored_the_objects(tmp_path: Path) -> None:
+    session = bag()
+    oracle = fit_features(np.random.default_rng(0).normal(size=(40, len(FEATURES))))
+    session.use_oracle(oracle, dict.fromkeys(session.ids, 0.5))
+    kept(tmp_path, session).close()
+    found = nu.open_session(only(tmp_path).session)
+    assert isinstance(found.label_editor.oracle, nu.Oracle)
+    np.testing.assert_array_equal(found.label_editor.oracle.axes, oracle.axes)
+    assert set(found.objects["confidence"]) == {0.5}

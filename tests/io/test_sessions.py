@@ -17,11 +17,14 @@ import pytest
 import napari_unpack as nu
 from napari_unpack.appearance import Decorations
 from napari_unpack.io import Scan, save_scan
-from napari_unpack.io.headless import open_scan, packed_copy
+from napari_unpack.io.headless import open_scan, packed_copy, snapshot
 from napari_unpack.io.session_archive import holds_session
 from napari_unpack.io.sessions import standing_of
 from napari_unpack.rendering.compose import scene_image
 from napari_unpack.rendering.object_style import ObjectStyle
+from napari_unpack.segmentation.confidence.features import FEATURES
+from napari_unpack.segmentation.confidence.oracle import fit_features
+from napari_unpack.segmentation.object_table import confidences
 from napari_unpack.session.measurements import SurfacePoint
 from tin import tin
 
@@ -530,6 +533,39 @@ def test_what_was_done_inside_opened_objects_is_saved_with_them(tmp_path: Path) 
     # Saved once more it is still there.
     nu.io.save_session(found, tmp_path / "again.unpack")
     assert nu.io.open_session(tmp_path / "again.unpack").opened_bags.worked_in(found).keys() == {1}
+
+
+def test_a_model_of_ones_own_is_saved_with_the_session_it_scored(tmp_path: Path) -> None:
+    path, session = tmp_path / "tin.unpack", nu.Session(*tin())
+    oracle = fit_features(np.random.default_rng(0).normal(size=(40, len(FEATURES))))
+    session.use_oracle(oracle, {i: 0.1 * i for i in session.ids})
+    inner = session.opened_bags.open(session, 1)
+    inner.rename(inner.ids[-1], "a coin")
+    nu.save_session(snapshot(session), path)
+    found = nu.open_session(path)
+    (again,) = found.opened_bags.worked_in(found).values()
+    assert found.objects["confidence"].tolist() == session.objects["confidence"].tolist()
+    rows = np.random.default_rng(1).normal(size=(9, len(FEATURES)))
+    for bag in (found, again):
+        assert isinstance(bag.label_editor.oracle, nu.Oracle)
+        np.testing.assert_array_equal(bag.label_editor.oracle.scores(rows), oracle.scores(rows))
+    # What is repaired then is scored by it.
+    found.merge([1, 2])
+    (whole,) = {1, 2} & set(found.ids)
+    wanted = confidences(found.labels, found.volume, tuple(found.spacing), oracle)[whole]
+    assert found.objects["confidence"][whole] == pytest.approx(wanted)
+    # Of another version nothing is believed; what is damaged is refused.
+    foreign = nu.open_session(changed(path, setting("model", "format", to="oracle 9")))
+    assert foreign.label_editor.oracle is None
+    assert foreign.objects["confidence"].isna().all()
+    nu.save_session(session, path)
+    damaged = changed(path, setting("model", "arrays", "axes", "shape", to=[2, 2]))
+    with pytest.raises(ValueError, match="model is damaged: axes cannot be read"):
+        nu.open_session(damaged)
+    # A function that no file can hold leaves its numbers.
+    session.use_oracle(lambda region: 0.5, dict.fromkeys(session.ids, 0.5))
+    found = nu.open_session(nu.save_session(session, path))
+    assert set(found.objects["confidence"]) == {0.5}
 
 
 def test_tables_of_pandas_own_types_are_saved_and_names_in_them_change(tmp_path: Path) -> None:

@@ -1,4 +1,5 @@
 from threading import get_ident
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -232,6 +233,12 @@ def test_a_damaged_foreign_or_old_file_is_refused(oracle, tmp_path):
         Oracle.load(path)
     with pytest.raises(FileNotFoundError):
         Oracle.load(tmp_path / "none.npz")
+    with ZipFile(path, "w") as archive:
+        archive.writestr("session.json", "{}")
+        archive.writestr("picture.png", b"")
+    found = "is not an oracle: it holds session.json, picture.png, and an oracle holds arrays"
+    with pytest.raises(ValueError, match=found):
+        Oracle.load(path)
 
 
 def test_too_few_objects_to_learn_from_are_refused():

@@ -7,7 +7,7 @@ from phantoms import packed, scanned
 from napari_unpack import simulate_bag
 from napari_unpack.segmentation import Oracle, train
 from napari_unpack.segmentation.confidence.oracle import default_oracle
-from napari_unpack.segmentation.training import oracle_examples
+from napari_unpack.segmentation.training import oracle_examples, train_on_examples
 from napari_unpack.tasks import Cancelled
 
 
@@ -89,3 +89,32 @@ def test_the_oracle_that_ships_tells_objects_of_an_unseen_bag_from_pairs_and_hal
     assert len(good) > 8
     assert auroc(good, bad) >= 0.9
     assert ((good >= 0) & (good <= 1)).all()
+
+
+def cubes(side, count, density):
+    """Return cubes in a row: densities and labels."""
+    labels = np.zeros((side + 4, side + 4, count * (side + 2) + 2), np.uint16)
+    volume = np.full(labels.shape, 20, np.uint16)
+    for k in range(count):
+        here = (slice(2, 2 + side),) * 2 + (slice(2 + k * (side + 2), (k + 1) * (side + 2)),)
+        labels[here], volume[here] = k + 1, density(k)
+    return volume, labels
+
+
+def test_only_examples_that_are_large_enough_count_and_the_limit_is_named():
+    volume, labels = cubes(3, 12, lambda k: 600 + 50 * k)
+    with pytest.raises(ValueError, match=r"64 voxels or more.* of 12 marked, 0 are that large"):
+        train_on_examples(volume, labels, (1.0, 1.0, 1.0), range(1, 13))
+    bag = SimpleNamespace(volume=volume, labels=labels, spacing=(1.0, 1.0, 1.0))
+    with pytest.raises(ValueError, match="8 objects of 64 voxels or more to learn from, got 0"):
+        train([bag])
+
+
+def test_examples_that_are_all_alike_are_learned_without_a_warning(recwarn):
+    volume, labels = cubes(6, 8, lambda k: 1000)
+    oracle = train_on_examples(volume, labels, (1.0, 1.0, 1.0), range(1, 9))
+    assert [str(one.message) for one in recwarn if one.category is RuntimeWarning] == []
+    good, _ = oracle_examples(
+        SimpleNamespace(volume=volume, labels=labels, spacing=(1.0, 1.0, 1.0))
+    )
+    assert np.isfinite(oracle.scores(np.array(good))).all()

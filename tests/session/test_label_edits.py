@@ -341,6 +341,71 @@ def test_a_new_confidence_stays_when_a_repair_is_taken_back() -> None:
     assert s.objects.at[1, "confidence"] == 0.7
 
 
+def score_missing(s: Session) -> None:
+    task = s.label_editor.missing_scores_task()
+    assert task is not None
+    s.label_editor.take_scores(task.run(no_progress))
+    assert s.label_editor.missing_scores_task() is None
+
+
+def test_what_undo_and_redo_bring_back_is_scored_by_the_model_in_use() -> None:
+    s = session()
+    # What came with the labels is nobody's to replace.
+    assert s.label_editor.missing_scores_task() is None
+    s.merge([2, 3])
+    (merged,) = {2, 3} & set(s.ids)
+    s.use_oracle(lambda region: region.voxels / 5000, dict.fromkeys(s.ids, 0.7))
+    s.undo()
+    assert s.objects.confidence.isna().tolist() == [False, True, True]
+    score_missing(s)
+    voxels = s.objects.voxels
+    assert s.objects.confidence.tolist() == [0.7, voxels[2] / 5000, voxels[3] / 5000]
+    s.redo()
+    score_missing(s)
+    assert s.objects.confidence[merged] == s.objects.voxels[merged] / 5000
+    # Undone far at once, as the viewer does it, and the model changed in between.
+    s.split(1, LEFT, RIGHT)
+    s.undo()
+    s.redo()
+    s.rename(1, "Weight")
+    task = s.queries.labels_task("undo")
+    s.use_oracle(lambda region: 0.25, dict.fromkeys(s.ids, 0.25))
+    if task is not None:
+        s.queries.store(task.key, task.run(no_progress))
+    while s.undo():
+        pass
+    score_missing(s)
+    assert s.objects.confidence.tolist() == [0.25, 0.25, 0.25]
+
+
+def test_what_is_repaired_while_a_model_scores_is_scored_again() -> None:
+    s = session()
+    scores = s.label_editor.scores_task(lambda region: region.voxels / 5000).run(no_progress)
+    new = s.split(1, LEFT, RIGHT)
+    s.label_editor.take_scores(scores)
+    confidence = s.objects.confidence
+    assert confidence.isna().to_dict() == {1: True, 2: False, 3: False, new: True}
+    score_missing(s)
+    assert s.objects.confidence.tolist() == (s.objects.voxels / 5000).tolist()
+    # What is missing of one model is no answer of the next.
+    s.undo()
+    s.redo()
+    late = s.label_editor.scores_task(lambda region: 0.5).run(no_progress)
+    s.undo()
+    s.label_editor.take_scores(late)
+    missing = s.label_editor.missing_scores_task()
+    s.use_oracle(lambda region: 0.25, dict.fromkeys(s.ids, 0.25))
+    assert missing is not None
+    s.label_editor.take_scores(missing.run(no_progress))
+    assert set(s.objects.confidence) == {0.25}
+    # And a repair that was begun under the model before.
+    edited = s.label_editor.merge_task([2, 3]).run(no_progress)
+    s.use_oracle(lambda region: 0.75, dict.fromkeys(s.ids, 0.75))
+    assert s.label_editor.apply(edited)
+    score_missing(s)
+    assert set(s.objects.confidence) == {0.75}
+
+
 def test_labels_somebody_else_can_write_to_are_not_kept() -> None:
     s = session()
     given = s.labels

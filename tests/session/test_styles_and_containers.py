@@ -356,3 +356,22 @@ def test_what_was_opened_knows_what_is_inside_its_own_contents() -> None:
     names = box.objects["name"].to_dict()
     pouch = next(i for i, name in names.items() if name == "pouch")
     assert set(open_container(box, pouch).objects["name"]) == {"pouch", "coin"}
+
+
+def test_what_is_inside_an_object_is_scored_by_the_model_of_the_bag() -> None:
+    outer = Session(*tin())
+
+    def model(region):
+        return 0.5
+
+    outer.use_oracle(model, dict.fromkeys(outer.ids, 0.5))
+    bag = outer.opened_bags.open(outer, 1)
+    assert bag.label_editor.oracle is model
+    assert bag.label_editor.missing_scores_task() is not None
+    # The built-in one, chosen inside.
+    bag.use_oracle(None, dict.fromkeys(bag.ids, 0.1))
+    outer.opened_bags.leave(outer, 1)
+    assert outer.label_editor.oracle is None
+    assert outer.objects["confidence"].isna().all()
+    assert outer.opened_bags.open(outer, 1) is bag
+    assert set(bag.objects["confidence"]) == {0.1}

@@ -3,9 +3,15 @@
 import numpy as np
 import pytest
 
-from napari_unpack.segmentation.confidence.features import FEATURES
+from napari_unpack.io import open_session, save_session
+from napari_unpack.segmentation import Oracle, Region
+from napari_unpack.segmentation.common.density_regions import air_offset
+from napari_unpack.segmentation.confidence.features import FEATURES, features
 from napari_unpack.segmentation.confidence.oracle import fit_features
+from napari_unpack.segmentation.confidence.reasons import reasons
+from napari_unpack.segmentation.object_table import confidences
 from napari_unpack.session import Session
+from napari_unpack.session.object_facts import reasons_of
 from napari_unpack.widgets.object_columns import Column
 from opened_panel import add_bag, controller_with, open_panel, pile_of_balls, press
 
@@ -125,3 +131,101 @@ def test_a_bag_opened_while_the_one_before_is_scored_is_scored_as_well(
     panel.workspace.open(other := Session(*pile_of_balls()))
     qtbot.waitUntil(lambda: not box.running, timeout=60000)
     assert other.label_editor.oracle is not None
+
+
+def test_an_earlier_file_stays_where_training_is_called_off_while_it_scores(
+    taught, qtbot, tmp_path, monkeypatch
+):
+    panel, session = taught
+    box, path = panel.objects.confidence, tmp_path / "mine.npz"
+    path.write_text("of before")
+    fitted = fit_features(np.random.default_rng(0).normal(size=(40, len(FEATURES))))
+    monkeypatch.setattr(
+        "napari_unpack.segmentation.training.train_on_examples", lambda *_, **__: fitted
+    )
+
+    def endless(labels, volume, spacing, oracle, share):
+        while True:
+            share(0.5)
+
+    with monkeypatch.context() as patched:
+        patched.setattr("napari_unpack.segmentation.object_table.confidences", endless)
+        box.train_to(str(path))
+        qtbot.waitUntil(lambda: box.progress.text.text() == "Scoring", timeout=20000)
+        press(qtbot, box.progress.cancel)
+        qtbot.waitUntil(lambda: not box.running, timeout=5000)
+    assert path.read_text() == "of before"
+    assert session.label_editor.oracle is None
+    box.train_to(str(path))
+    qtbot.waitUntil(lambda: not box.running, timeout=60000)
+    np.testing.assert_array_equal(Oracle.load(path).axes, fitted.axes)
+    assert session.label_editor.oracle is fitted
+
+
+def test_undo_and_repairs_leave_no_number_of_another_model(taught, qtbot, tmp_path) -> None:
+    panel, session = taught
+    box, path = panel.objects.confidence, tmp_path / "mine.npz"
+    fit_features(np.random.default_rng(0).normal(size=(40, len(FEATURES)))).save(path)
+    session.merge([1, 2])
+    box.use_oracle(str(path))
+    # While it is loaded.
+    session.merge([3, 4])
+    qtbot.waitUntil(lambda: not box.running, timeout=60000)
+
+    def all_by_it():
+        found = session.objects["confidence"]
+        oracle = session.label_editor.oracle
+        wanted = confidences(session.labels, session.volume, tuple(session.spacing), oracle)
+        return found.to_numpy() == pytest.approx(np.array([wanted[i] for i in found.index]))
+
+    qtbot.waitUntil(all_by_it, timeout=60000)
+    assert isinstance(session.label_editor.oracle, Oracle)
+    while session.undo():
+        qtbot.waitUntil(all_by_it, timeout=60000)
+    qtbot.waitUntil(lambda: "–" not in _texts(panel, Column.CONFIDENCE).values(), timeout=20000)
+
+
+def test_a_session_saved_with_a_model_goes_on_with_it(taught, qtbot, tmp_path) -> None:
+    panel, _ = taught
+    box, model, path = panel.objects.confidence, tmp_path / "mine.npz", tmp_path / "a.unpack"
+    fit_features(np.random.default_rng(0).normal(size=(40, len(FEATURES)))).save(model)
+    other = Session(*pile_of_balls())
+    oracle = Oracle.load(model)
+    other.use_oracle(oracle, dict.fromkeys(other.ids, 0.375))
+    save_session(other, path)
+    panel.workspace.open(other := open_session(path))
+    qtbot.waitUntil(lambda: panel.workspace.settled and not box.running, timeout=60000)
+    assert set(other.objects["confidence"]) == {0.375}
+    assert "Using your own model" in box.sentence.text()
+    assert reasons_of(other, 1) == reasons(oracle, _features(other, 1))
+    # It is that session's alone.
+    panel.workspace.open(Session(*pile_of_balls()))
+    assert "Using the built-in model" in box.sentence.text()
+    assert not box.restore.isEnabled()
+    panel.workspace.open(other)
+    press(qtbot, box.restore)
+    qtbot.waitUntil(lambda: not box.running, timeout=60000)
+    assert "Using the built-in model" in box.sentence.text()
+    assert 0.375 not in set(other.objects["confidence"])
+
+
+def _features(session, object_id):
+    box = session.boxes.slices(object_id)
+    air = air_offset(session.volume, session.labels)
+    mask, spacing = session.labels[box] == object_id, tuple(session.spacing)
+    return features(Region.of(mask, session.volume, box, spacing, air))
+
+
+def test_examples_too_small_to_learn_from_are_not_counted(taught, qtbot) -> None:
+    panel, _ = taught
+    box = panel.objects.confidence
+    labels = np.zeros((12, 12, 60), np.uint16)
+    for k in range(12):
+        labels[2:5, 2:5, 5 * k + 1 : 5 * k + 4] = k + 1
+    session = Session(np.where(labels > 0, 1000, 20).astype(np.uint16), labels)
+    panel.workspace.open(session)
+    session.mark_examples(session.ids)
+    box.refresh()
+    assert "12 examples, 12 of them below 64 voxels" in box.sentence.text()
+    assert "training needs 8 of 64 voxels or more" in box.sentence.text()
+    assert not box.train.isEnabled()

@@ -18,6 +18,8 @@ from qtpy.QtCore import Qt
 
 from napari_unpack.io import recovery as copies
 from napari_unpack.io.recovery import leftovers, recovery_folder
+from napari_unpack.segmentation.confidence.features import FEATURES
+from napari_unpack.segmentation.confidence.oracle import fit_features
 from napari_unpack.widgets import recovery
 from napari_unpack.widgets.preferences import Preferences
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
@@ -71,6 +73,20 @@ def crash() -> dict[str, Any]:
     finally:
         other.kill()
         other.wait()
+
+
+def test_a_model_that_scores_what_was_worked_on_is_on_disk_too(
+    worked: UnpackingWidget, qtbot: QtBot, tmp_path: Path
+) -> None:
+    panel, path = worked, tmp_path / "mine.npz"
+    fit_features(np.random.default_rng(0).normal(size=(40, len(FEATURES)))).save(path)
+    panel.workspace.session.mark_examples([1])
+    qtbot.waitUntil(lambda: on_disk() is not None, timeout=10000)
+    assert "model" not in on_disk()
+    panel.objects.confidence.use_oracle(str(path))
+    qtbot.waitUntil(lambda: "model" in (on_disk() or {}), timeout=60000)
+    press(qtbot, panel.objects.confidence.restore)
+    qtbot.waitUntil(lambda: "model" not in (on_disk() or {"model": 0}), timeout=60000)
 
 
 def test_a_change_is_on_disk_within_two_seconds_and_gone_once_it_is_saved(

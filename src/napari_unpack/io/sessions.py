@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.file_sizes import check_size, stored_size
 from napari_unpack.io.json_fields import Fields
+from napari_unpack.io.model_json import model_from, model_record, restore_model
 from napari_unpack.io.session_archive import (
     MANIFEST,
     QUICK,
@@ -148,6 +149,7 @@ def manifest_of(session: Session, standing: ArrayLike | None) -> dict[str, Any]:
         "standing": None if standing is None else np.asarray(standing, np.float64).tolist(),
         "first_voxel_mm": session.first_voxel_mm.tolist(),
         "containers": _containers_record(session),
+        **model_record(session),
         **({} if evidence is None else {"evidence": evidence_record(evidence)}),
     }
 
@@ -156,6 +158,8 @@ def _check(manifest: dict[str, Any], session: Session) -> None:
     from napari_unpack.io.session_json import check_record
 
     check_record(manifest["session"], session)
+    if "model" in manifest:
+        model_from(Fields(manifest, MANIFEST))
     inside = session.opened_bags.worked_in(session)
     for told in manifest["containers"]:
         _check(told, inside[told["object"]])
@@ -169,6 +173,7 @@ def _containers_record(session: Session) -> list[dict[str, Any]]:
         {
             "object": object_id,
             "session": record_of(bag),
+            **model_record(bag),
             # As text: most are small, and those of large objects are long runs.
             "labels": b64encode(
                 compress(given_labels(bag).astype("<u2").tobytes(), QUICK)
@@ -196,6 +201,7 @@ def _restore_containers(session: Session, fields: Fields) -> None:
         labels = np.frombuffer(flat, "<u2").reshape(volume.shape).astype(np.uint16)
         bag = session_from(told["session"], volume, labels)
         bag.first_voxel_mm = session.first_voxel_mm + begins_at(session, object_id)
+        restore_model(bag, told)
         _restore_containers(bag, told)
         session.opened_bags.restore(session, object_id, bag)
 
@@ -262,6 +268,7 @@ def open_session(
         # Older files do not tell.
         if fields.has("first_voxel_mm"):
             session.first_voxel_mm = fields.array("first_voxel_mm", (3,))
+        restore_model(session, fields)
         _restore_containers(session, fields)
         if fields.has("evidence"):
             shape = session.labels.shape

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -141,6 +141,7 @@ def confidences(
     spacing: Spacing,
     oracle: Oracle | None = None,
     share: Share = SILENT,
+    ids: Iterable[int] | None = None,
 ) -> dict[int, float]:
     """Rate every object, by label; 0 where the oracle has no number, as of densities too large.
 
@@ -148,6 +149,8 @@ def confidences(
     ----------
     labels, density, spacing, oracle, share
         As for `object_table`.
+    ids : iterable of int, optional
+        Labels of those to rate; by default all.
     """
     boxes, density = label_boxes(labels), in_common_range(density)[0]
     air = air_offset(density, labels)
@@ -159,11 +162,11 @@ def confidences(
         value = float(confidence_of(region))
         return value if np.isfinite(value) else 0.0
 
-    ids = boxes.ids.tolist()
+    asked = boxes.ids.tolist() if ids is None else list(ids)
     # A function that was given may not be made for several threads.
     ours = oracle is None or isinstance(oracle, MixtureOracle)
-    values = share.at_once(ids, rated) if ours else [rated(name) for name in share.over(ids)]
-    return dict(zip(ids, values, strict=True))
+    values = share.at_once(asked, rated) if ours else [rated(name) for name in share.over(asked)]
+    return dict(zip(asked, values, strict=True))
 
 
 @njit(cache=True, nogil=True)

@@ -15,6 +15,7 @@ from napari_unpack.segmentation.common.adjacency import touching_area_matrix
 from napari_unpack.segmentation.common.density_regions import air_offset
 from napari_unpack.segmentation.common.region import Region, bounding_box
 from napari_unpack.segmentation.common.validation import Spacing, checked_labels, checked_spacing
+from napari_unpack.segmentation.confidence.examples import FEWEST, SMALLEST, usable_examples
 from napari_unpack.segmentation.confidence.features import features
 from napari_unpack.segmentation.confidence.oracle import Oracle, fit_features
 from napari_unpack.tasks import SILENT, Progress, Share, relayed
@@ -24,7 +25,10 @@ TOUCHING = 0.02
 
 
 def true_objects(
-    density: NDArray[np.generic], labels: NDArray[np.integer], spacing: Spacing, smallest: int = 64
+    density: NDArray[np.generic],
+    labels: NDArray[np.integer],
+    spacing: Spacing,
+    smallest: int = SMALLEST,
 ) -> Iterator[Region]:
     """Yield every labelled object of at least so many voxels.
 
@@ -115,6 +119,11 @@ def _trained(bags: Iterable[Labelled], seed: int, share: Share) -> Oracle:
         part = share.part(at, ended, f"Learning from volume {k + 1}: {len(good)} objects so far")
         for rows, more in zip((good, bad), oracle_examples(bag, seed + k, part), strict=True):
             rows.extend(more)
+    if len(good) < FEWEST:
+        raise ValueError(
+            f"an oracle needs at least {FEWEST} objects of {SMALLEST} voxels or more to learn "
+            f"from, got {len(good)}"
+        )
     fitting = share.part(0.9, 1.0, f"Learning from {len(good)} objects")
     wrong = np.array(bad) if len(bad) >= 8 else None
     oracle = fit_features(np.array(good), wrong, seed, fitting)
@@ -145,7 +154,7 @@ def train_on_examples(
         Objects, right and wrong ones.
     spacing : (3,) sequence of float, mm z y x
     examples : iterable of int
-        Labels of those that are exactly one object each; at least eight.
+        Labels of those that are exactly one object each; at least eight of 64 voxels or more.
     progress
         As for `train`.
 
@@ -155,11 +164,13 @@ def train_on_examples(
         If there are fewer than eight.
     """
     wanted = np.array(sorted(examples), np.int64)
-    if len(wanted) < 8:
-        raise ValueError(
-            f"an oracle needs at least 8 examples to be trained on, {len(wanted)} are marked"
-        )
     kept = np.where(np.isin(labels, wanted), labels, 0)
+    usable = usable_examples(wanted, *np.unique(kept, return_counts=True))
+    if usable < FEWEST:
+        raise ValueError(
+            f"an oracle needs at least {FEWEST} examples of {SMALLEST} voxels or more to be "
+            f"trained on; of {len(wanted)} marked, {usable} are that large"
+        )
     bag = _Examples(np.asarray(volume), kept, checked_spacing(spacing))
     return train([bag], progress=progress)
 

@@ -377,10 +377,13 @@ class OpenedBags:
             given_inside = known.state.names
             shared = shared_objects(session, object_id, known) - given_inside.keys()
             known.annotations.take_names({i: str(outer[i]) for i in shared})
+        _rate_alike(known, session)
         return known
 
     def leave(self, session: Session, object_id: int) -> None:
         """Give objects of the bag the names that they were given inside an object: one step.
+
+        The model of the confidence that was chosen there is the bag's as well.
 
         Parameters
         ----------
@@ -388,6 +391,8 @@ class OpenedBags:
             As for `restore`.
         """
         bag = self._known(session).get(object_id)
+        if bag is not None:
+            _rate_alike(session, bag)
         # Most bags are left without a new name, and then nothing is searched.
         if bag is None or not bag.state.names:
             return
@@ -422,3 +427,10 @@ class OpenedBags:
         # Of repaired labels: what was inside may be so no more.
         edit = session.state.labels_edit
         return {i: bag for i, (made_of, bag) in self._bags.items() if made_of is edit}
+
+
+def _rate_alike(session: Session, other: Session) -> None:
+    """Have objects scored by the model that another bag uses."""
+    oracle = other.label_editor.oracle
+    if session.label_editor.oracle is not oracle:
+        session.use_oracle(oracle, {})

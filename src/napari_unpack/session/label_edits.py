@@ -1,8 +1,8 @@
-"""Edits of the labels: split, merge, delete, and what a brush has painted."""
+"""Edits of the labels: split, merge, delete, what a brush has painted, and what objects score."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import TYPE_CHECKING, Any
@@ -22,10 +22,10 @@ from napari_unpack.segmentation.repair import (
 from napari_unpack.segmentation.review.doubts import Answer
 from napari_unpack.session import commands
 from napari_unpack.session.errors import OutsideError, listed_objects
-from napari_unpack.session.labels import Confidence, LabelData
+from napari_unpack.session.labels import Confidence, LabelData, Rating, touched_between
 from napari_unpack.session.measurements import owner_after
 from napari_unpack.session.validation import MOST_ID, checked_ids
-from napari_unpack.tasks import Task
+from napari_unpack.tasks import Progress, Share, Task
 
 if TYPE_CHECKING:
     from napari_unpack.session.document import Document
@@ -48,6 +48,22 @@ class LabelEditKey:
 
     verb: str
     revision: int
+
+
+@dataclass(frozen=True)
+class ScoresKey:
+    """What scores depend on.
+
+    Parameters
+    ----------
+    revision : int
+        Of the labels.
+    rating : Rating
+        The model.
+    """
+
+    revision: int
+    rating: Rating
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,18 +91,31 @@ class EditedLabels:
     refused: LabelEdit | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """What a model says of objects.
+
+    Parameters
+    ----------
+    rating : Rating
+        The model.
+    by_id : mapping of int to float
+        Confidences.
+    data : LabelData
+        The labels that were scored.
+    """
+
+    rating: Rating
+    by_id: Mapping[int, float]
+    data: LabelData
+
+
 class LabelEditor:
     """Makes tasks that edit the labels, and applies what they return; every edit is undoable.
 
     Parameters
     ----------
     session : Document
-
-    Attributes
-    ----------
-    oracle : callable, optional
-        Returns the confidence of a `segmentation.Region`; None is the oracle that ships with the
-        package. Asked for touched objects where any confidence is known.
 
     Notes
     -----
@@ -97,7 +126,71 @@ class LabelEditor:
 
     def __init__(self, session: Document) -> None:
         self._session = session
-        self.oracle: Callable[[Any], float] | None = None
+
+    @property
+    def oracle(self) -> Callable[[Any], float] | None:
+        """Returns the confidence of a `segmentation.Region`; None is the one that ships.
+
+        Asked for touched objects where any confidence is known. A session goes on by the one set
+        here with the confidences that it has.
+        """
+        rating = self._session.label_data.rating
+        return None if rating is None else rating.oracle
+
+    @oracle.setter
+    def oracle(self, oracle: Callable[[Any], float] | None) -> None:
+        self._session.label_data = replace(self._session.label_data, rating=Rating(oracle))
+
+    def scores_task(self, oracle: Callable[[Any], float] | None) -> Task[Scores]:
+        """Return the task that has another model score every object.
+
+        Parameters
+        ----------
+        oracle : callable, optional
+            As for `Session.use_oracle`.
+        """
+        return self._scores_task(Rating(oracle), None)
+
+    def missing_scores_task(self) -> Task[Scores] | None:
+        """Return the task that has the model in use score what it has not; None where all is.
+
+        Such are objects of before another model was used, which undo or redo brought back, and
+        those repaired while it scored the others.
+        """
+        data = self._session.label_data
+        if data.rating is None or not data.unrated:
+            return None
+        return self._scores_task(data.rating, data.unrated)
+
+    def _scores_task(self, rating: Rating, ids: Sequence[int] | None) -> Task[Scores]:
+        session, data = self._session, self._session.label_data
+        volume, spacing = session.volume, triple(session.spacing)
+
+        def run(progress: Progress) -> Scores:
+            from napari_unpack.segmentation.object_table import confidences
+
+            share, oracle = Share(progress, text="Scoring"), rating.oracle
+            asked: dict[str, Any] = {} if ids is None else {"ids": ids}
+            found = confidences(data.labels, volume, spacing, oracle, share, **asked)  # type: ignore[arg-type]
+            return Scores(rating, found, data)
+
+        return Task(ScoresKey(data.revision, rating), run)
+
+    def take_scores(self, scores: Scores) -> None:
+        """Use the model of a task, and what it says of objects that are as they were then.
+
+        Of those repaired meanwhile nothing is known, until `missing_scores_task` has run.
+        """
+        now = self._session.label_data
+        known: dict[int, float] = {}
+        if scores.rating is scores.data.rating:
+            # What was missing of one model is of no use to the next.
+            if scores.rating is not now.rating:
+                return
+            known = now.facts["confidence"].to_dict()
+        other = touched_between(scores.data.edit, now.edit)
+        fresh = {i: score for i, score in scores.by_id.items() if i not in other}
+        self._session.label_data = now.rescored(known | fresh, scores.rating)
 
     def split_task(
         self, object_id: int, a: Sequence[int], b: Sequence[int]
@@ -256,7 +349,7 @@ class LabelEditor:
         # Good enough until hues are chosen for a view again.
         fresh = {i: golden_hue(i) for i in known - state.hues.keys()}
         # Another oracle may have scored the objects while the task ran.
-        data = replace(edited.data, facts=now.facts_after(edit))
+        data = replace(edited.data, facts=now.facts_after(edit), rating=now.rating)
         owner = partial(
             owner_after, before=now.labels, after=data.labels, spacing=self._session.spacing
         )
@@ -290,18 +383,23 @@ class LabelEditor:
     def _confidence(self) -> Confidence:
         from napari_unpack.segmentation import Region
         from napari_unpack.segmentation.common.density_regions import air_offset
+        from napari_unpack.segmentation.common.validation import in_common_range
         from napari_unpack.segmentation.confidence.oracle import default_oracle
 
         oracle = self.oracle or default_oracle()
         spacing = triple(self._session.spacing)
         volume, labels = self._session.volume, self._session.label_data.labels
-        # Once asked, by the worker: it looks through the whole volume.
-        air = cache(lambda: air_offset(volume, labels))
 
-        def confidence(
-            mask: NDArray[np.bool_], density: NDArray[Any], first: tuple[int, int, int]
-        ) -> float:
-            return float(oracle(Region(mask, density, first, spacing, air=air())))
+        # Once asked, by the worker: it looks through the whole volume.
+        @cache
+        def field() -> tuple[NDArray[np.generic], float]:
+            density = in_common_range(volume)[0]
+            return density, air_offset(density, labels)
+
+        def confidence(mask: NDArray[np.bool_], box: tuple[slice, slice, slice]) -> float:
+            density, air = field()
+            # With what is around it, as `confidences` rates all.
+            return float(oracle(Region.of(mask, density, box, spacing, air)))
 
         return confidence
 

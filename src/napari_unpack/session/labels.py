@@ -172,8 +172,21 @@ def _add_plane(plane, labels, z, numbers):  # type: ignore[no-untyped-def]
 # Voxels that display labels grow: the fringe of partial volume around an object.
 FRINGE = 2
 
-Confidence = Callable[[NDArray[np.bool_], NDArray[Any], tuple[int, int, int]], float]
-"""Given mask, density and first voxel of an object's box, returns how sure it is one object."""
+Confidence = Callable[[NDArray[np.bool_], tuple[slice, slice, slice]], float]
+"""Given an object's mask in its box, and that in the volume, how sure it is one object."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rating:
+    """By what all confidences of a table are; compared as objects.
+
+    Parameters
+    ----------
+    oracle : callable, optional
+        Returns the confidence of a `segmentation.Region`; None is the one that ships.
+    """
+
+    oracle: Callable[[Any], float] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,12 +203,15 @@ class Edit:
         Of the objects touched, before and after; what is in one only has gone or come.
     facts : (DataFrame, DataFrame)
         Their rows in the table of objects, before and after.
+    rating : Rating, optional
+        Of these rows.
     """
 
     earlier: Edit | None
     change: LabelEdit
     boxes: tuple[LabelBoxes, LabelBoxes]
     facts: tuple[pd.DataFrame, pd.DataFrame]
+    rating: Rating | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,6 +240,8 @@ class LabelData:
     previous : LabelData, optional
         Those of the revision before. To copy the arrays of a large volume takes a second, and
         the command most often undone is the last.
+    rating : Rating, optional
+        Of the confidences; None where they are as they were given.
     """
 
     labels: NDArray[np.uint16]
@@ -235,6 +253,7 @@ class LabelData:
     edit: Edit | None = None
     revision: int = 0
     previous: LabelData | None = field(default=None, repr=False)
+    rating: Rating | None = None
     _display: NDArray[np.uint16] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
@@ -277,6 +296,13 @@ class LabelData:
         if object_id > self.largest_id:
             raise ValueError(f"object_id must be an object of this session, got {object_id}")
         return object_id if self.given_ids is None else int(self.given_ids[object_id])
+
+    @property
+    def unrated(self) -> tuple[int, ...]:
+        """Objects that `rating` is still to be asked for; none where confidences were given."""
+        if self.rating is None:
+            return ()
+        return tuple(int(i) for i in self.facts.index[self.facts["confidence"].isna()])
 
     def visible(self, ids: Iterable[int]) -> NDArray[np.bool_]:
         """Return the (largest_id + 1,) table that is True for some objects."""
@@ -323,7 +349,7 @@ class LabelData:
         spacing : (3,) ndarray of float64
             mm.
         confidence : callable
-            Given mask, density and first voxel of an object's box, returns its confidence.
+            Given an object's mask in its box, and that in the volume, returns its confidence.
         given_ids : (N + 1,) ndarray of int64, optional
             By ID, the one people know it by, the new objects included.
         """
@@ -351,17 +377,23 @@ class LabelData:
             # Where none is known, a column with a few numbers would seem to rate the others.
             if self.facts["confidence"].notna().any():
                 after["confidence"] = [
-                    confidence(part[own] == i, volume[box][own], tuple(int(s.start) for s in own))  # type: ignore[arg-type]
-                    for i, own in ((int(i), local.slices(int(i))) for i in local.ids)
+                    confidence(part[local.slices(i)] == i, new.slices(i)) for i in new.ids.tolist()
                 ]
-        edit = Edit(self.edit, change, (old, new), (before, after))
+        edit = Edit(self.edit, change, (old, new), (before, after), self.rating)
         named = self if given_ids is None else replace(self, given_ids=given_ids)
         return named._moved(edit, 0, 1, edit, None, labels)
 
-    def rescored(self, scores: Mapping[int, float]) -> LabelData:
-        """Return them with another confidence of every object; NaN where none is given."""
+    def rescored(self, scores: Mapping[int, float], rating: Rating | None) -> LabelData:
+        """Return them with another confidence of every object; NaN where none is given.
+
+        Parameters
+        ----------
+        scores : mapping of int to float
+        rating : Rating, optional
+            What gave them.
+        """
         found = [float(scores.get(i, float("nan"))) for i in self.ids]
-        return replace(self, facts=self.facts.assign(confidence=found))
+        return replace(self, facts=self.facts.assign(confidence=found), rating=rating)
 
     def renamed(self, names: Mapping[int, str]) -> LabelData:
         """Return them with other names that objects came with."""
@@ -371,7 +403,14 @@ class LabelData:
 
     def facts_after(self, edit: Edit) -> pd.DataFrame:
         """Return the table of objects after an edit of these labels."""
-        return _exchanged(self.facts, edit.facts[0], edit.facts[1])
+        return self._exchanged(edit, 0, 1)
+
+    def _exchanged(self, step: Edit, source: int, target: int) -> pd.DataFrame:
+        gone, come = step.facts[source], step.facts[target]
+        # Another model's confidence would stand beside this one's: it is asked for again.
+        if step.rating is not self.rating:
+            come = come.assign(confidence=np.nan)
+        return _exchanged(self.facts, gone, come)
 
     def _moved(
         self,
@@ -400,7 +439,7 @@ class LabelData:
                 for name in ("lower", "upper", "counts")
             ),
         )
-        facts = _exchanged(self.facts, step.facts[source], step.facts[target])
+        facts = self._exchanged(step, source, target)
         if display is None and self._display is not None:
             # Growing all labels takes a second for a large volume.
             display = _regrown(self._display, labels, change.box)

@@ -138,7 +138,7 @@ class Queries:
             case HuesKey():
                 return key in (self._hues_key(True), self._hues_key(False))
             case LabelsKey():
-                return key.revision == self._session.label_data.revision
+                return key.fits(self._session.label_data)
         return False
 
     # What objects can leave along D.
@@ -681,7 +681,7 @@ class Queries:
         """Return the labels after an edit."""
         data = self._session.label_data
         # Kept any longer it would keep a whole volume alive after the next edit.
-        known: LabelData | None = self._cache.take(LabelsKey(data.revision, edit))
+        known: LabelData | None = self._cache.take(LabelsKey(data.revision, edit, data.rating))
         return data.at(edit) if known is None else known
 
     def labels_task(self, way: Literal["undo", "redo"]) -> Task[LabelData] | None:
@@ -692,7 +692,7 @@ class Queries:
         """
         session, source = self._session, self._session.label_data
         edit = session.history.edit_after(way, session.state.labels_edit)
-        key = LabelsKey(source.revision, edit)
+        key = LabelsKey(source.revision, edit, source.rating)
         # Nothing to prepare: no volume would be copied.
         if source.knows(edit) or self._cache.find(key) is not None:
             return None

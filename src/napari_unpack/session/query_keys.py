@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from napari_unpack.session.labels import Edit
+from napari_unpack.session.labels import Edit, LabelData, Rating
 from napari_unpack.session.state import SessionState
 
 
@@ -37,3 +37,8 @@ class LabelsKey(NamedTuple):
 
     revision: int
     edit: Edit | None
+    rating: Rating | None
+
+    def fits(self, data: LabelData) -> bool:
+        """Return whether it is of these labels, rated as they are."""
+        return self.revision == data.revision and self.rating is data.rating

@@ -27,7 +27,7 @@ from napari_unpack.session.delegates import Read, Setting
 from napari_unpack.session.document import Document
 from napari_unpack.session.errors import NobodyFreeError, listed
 from napari_unpack.session.label_edits import EditedLabels, LabelEditor
-from napari_unpack.session.labels import LabelData, object_table
+from napari_unpack.session.labels import LabelData, Rating, object_table
 from napari_unpack.session.measurements import Measurements
 from napari_unpack.session.ray_queries import RayQueries
 from napari_unpack.session.review import Review
@@ -674,8 +674,7 @@ class Session:
         scores : mapping of int to float
             The confidence of every object by it.
         """
-        self.label_editor.oracle = oracle
-        self._doc.label_data = self.label_data.rescored(scores)
+        self._doc.label_data = self.label_data.rescored(scores, Rating(oracle))
 
     # Undo, and how one state becomes another.
 

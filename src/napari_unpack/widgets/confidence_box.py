@@ -2,32 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from qtpy.QtCore import Signal
 from qtpy.QtWidgets import QFileDialog
 
-from napari_unpack.geometry.axes import triple
 from napari_unpack.tasks import Progress, Share, TaskResult
+from napari_unpack.viewer.scheduler import Worker
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.commands import Commands
 from napari_unpack.widgets.file_names import ask_where_to_write
 from napari_unpack.widgets.section import Collapsible, button, label, row
 from napari_unpack.widgets.task_progress import TaskProgress
-from napari_unpack.widgets.workspace import Workspace
+from napari_unpack.widgets.workspace import Change, Workspace
 
 if TYPE_CHECKING:
-    from napari_unpack.segmentation import Oracle
     from napari_unpack.session import Session
-
-    Scored = tuple[Oracle | None, Mapping[int, float]]
+    from napari_unpack.session.label_edits import Scores
 
 FILES = "Model of the confidence (*.npz)"
-# The fewest examples that `train_on_examples` accepts.
-NEEDED = 8
 
 # Where nine in ten of at least so many objects score lower than this, the oracle was trained on
 # other kinds of objects: in bags like its own, at least the whole objects score near 1.
@@ -45,7 +41,13 @@ class ConfidenceBox(Collapsible):
         Returns the IDs selected in the table.
     rescored : callable
         Called after the confidence of the objects has changed.
+
+    Signals
+    -------
+    scored : the confidence of objects has changed, or what it is by
     """
+
+    scored = Signal()
 
     def __init__(
         self,
@@ -60,7 +62,8 @@ class ConfidenceBox(Collapsible):
         self._workspace, self._commands = workspace, commands
         self._chosen = chosen
         self._rescored = rescored
-        self._oracle: Oracle | None = None
+        # What was chosen here, for the sessions that are opened after; each keeps its own.
+        self._oracle: Callable[[Any], float] | None = None
         self.sentence = label("", "hint", wrap=True)
         self.mark = button(
             "Mark as example", "Mark the selected objects as examples of whole objects (✓)."
@@ -84,27 +87,27 @@ class ConfidenceBox(Collapsible):
         self.load.clicked.connect(self._ask_what_to_load)
         self.restore.clicked.connect(lambda: self.use_oracle(None))
         workspace.switched.connect(self._follow)
+        workspace.changed.connect(self._follow_repairs)
         self.refresh()
 
     def refresh(self) -> None:
         """Say how many objects are marked, and enable what can be done."""
         session = self._workspace.session
         marked = frozenset() if session is None else session.examples
-        model = "Using your own model" if self._oracle is not None else "Using the built-in model"
+        oracle = self._oracle if session is None else session.label_editor.oracle
+        model = "Using your own model" if oracle is not None else "Using the built-in model"
+        enough, examples = _examples(session)
         if self.running:
             self.sentence.setText("Working…")
         else:
-            # Said before a file is asked for, not after.
-            wanted = f", training needs {NEEDED}" if 0 < len(marked) < NEEDED else ""
-            count = "1 example" if len(marked) == 1 else f"{len(marked)} examples"
-            self.sentence.setText(f"{model}. {count}{wanted}.{self._doubt()}")
+            self.sentence.setText(f"{model}. {examples}.{self._doubt()}")
         chosen = set() if session is None else set(self._chosen())
         idle = session is not None and not self.running
         self.mark.setEnabled(idle and bool(chosen - marked))
         self.unmark.setEnabled(idle and bool(chosen & marked))
-        self.train.setEnabled(idle and len(marked) >= NEEDED)
+        self.train.setEnabled(idle and enough)
         self.load.setEnabled(idle)
-        self.restore.setEnabled(idle and self._oracle is not None)
+        self.restore.setEnabled(idle and oracle is not None)
 
     def _doubt(self) -> str:
         """Return a warning where the oracle was trained on other kinds of objects."""
@@ -145,7 +148,7 @@ class ConfidenceBox(Collapsible):
             return
         labels, examples = session.labels, session.examples
 
-        def work(progress: Progress) -> Scored:
+        def work(progress: Progress) -> Scores:
             from napari_unpack.segmentation.training import train_on_examples
 
             share = Share(progress)
@@ -156,8 +159,10 @@ class ConfidenceBox(Collapsible):
                 examples,
                 progress=share.part(0.0, 0.7),
             )
+            scores = session.label_editor.scores_task(oracle).run(share.part(0.7, 1.0, "Scoring"))
+            # Last, after what can still be called off: a file of before is replaced.
             oracle.save(path)
-            return oracle, _scores(session, labels, oracle, share.part(0.7, 1.0, "Scoring"))
+            return scores
 
         self._begin(session, work)
 
@@ -166,14 +171,13 @@ class ConfidenceBox(Collapsible):
         session = self._workspace.session
         if session is None:
             return
-        labels = session.labels
 
-        def work(progress: Progress) -> Scored:
+        def work(progress: Progress) -> Scores:
             from napari_unpack.segmentation import Oracle
 
             # None stands for the built-in one, also in the session.
             oracle = None if path is None else Oracle.load(path)
-            return oracle, _scores(session, labels, oracle, Share(progress, text="Scoring"))
+            return session.label_editor.scores_task(oracle).run(progress)
 
         self._begin(session, work)
 
@@ -182,42 +186,66 @@ class ConfidenceBox(Collapsible):
         """Whether an oracle is being trained or used."""
         return self.progress.running
 
-    def _begin(self, session: Session, work: Callable[[Progress], Scored]) -> None:
+    def _begin(self, session: Session, work: Callable[[Progress], Scores]) -> None:
         if not self.running:
             self._scored = session
             self.progress.begin(work)
             self.refresh()
 
-    def _end(self, outcome: TaskResult[Scored]) -> None:
+    def _end(self, outcome: TaskResult[Scores]) -> None:
         session = self._scored
         if outcome.cancelled or session is None:
             self.refresh()
             return
         with notifications.errors_shown():
-            oracle, scores = outcome.get()
-            # Kept for the sessions that are opened after this one.
-            self._oracle = oracle
-            session.use_oracle(oracle, scores)
-            self._rescored()
-        # Opened meanwhile, when this work was in its way.
-        if self._workspace.session is not session:
-            self._follow()
-        self.refresh()
+            scores = outcome.get()
+            self._oracle = scores.rating.oracle
+            self._take(session, scores)
+        # Also one opened meanwhile, when this work was in its way.
+        self._follow()
 
     def _follow(self) -> None:
-        """Score the objects of a newly shown session by the oracle in use."""
+        """Score a newly shown session by the model chosen here, unless it has one of its own."""
         session, oracle = self._workspace.session, self._oracle
-        if session is not None and oracle is not None:
-            labels = session.labels
-            work = partial(_scores, session, labels, oracle)
-            self._begin(session, lambda report: (oracle, work(Share(report, text="Scoring"))))
+        if session is not None:
+            if oracle is not None and session.label_editor.oracle is None:
+                self._begin(session, session.label_editor.scores_task(oracle).run)
+            self._score_missing()
         self.refresh()
 
+    def _follow_repairs(self, change: Change) -> None:
+        if Change.LABELS in change:
+            self._score_missing()
 
-def _scores(
-    session: Session, labels: NDArray[Any], oracle: Oracle | None, share: Share
-) -> dict[int, float]:
-    """Score the objects; the labels are those of when it was asked, since repairs replace them."""
-    from napari_unpack.segmentation.object_table import confidences
+    def _score_missing(self) -> None:
+        """Score objects that the model in use has not: undo brought them back, for example."""
+        session = self._workspace.session
+        task = None if session is None else session.label_editor.missing_scores_task()
+        if session is not None and task is not None:
+            done = partial(self._take, session)
+            # What fails is unknown until the labels change again.
+            submit = partial(self._workspace.scheduler.submit, failed=lambda _: None, slot=self)
+            submit(task, Worker.LONG, done)
 
-    return confidences(labels, session.volume, triple(session.spacing), oracle, share)
+    def _take(self, session: Session, scores: Scores) -> None:
+        session.label_editor.take_scores(scores)
+        self._rescored()
+        self.scored.emit()
+
+
+def _examples(session: Session | None) -> tuple[bool, str]:
+    """Return whether enough objects are marked to train on, and what there is to say of them."""
+    marked = frozenset() if session is None else session.examples
+    if session is None or not marked:
+        return False, "0 examples"
+    # What a session has loaded already, and the panel without one has not.
+    from napari_unpack.segmentation.confidence.examples import FEWEST, SMALLEST, usable_examples
+
+    usable = usable_examples(marked, session.boxes.ids, session.boxes.counts)
+    said = "1 example" if len(marked) == 1 else f"{len(marked)} examples"
+    if usable < len(marked):
+        said += f", {len(marked) - usable} of them below {SMALLEST} voxels"
+    # Said before a file is asked for, not after.
+    if usable < FEWEST:
+        said += f", training needs {FEWEST} of {SMALLEST} voxels or more"
+    return usable >= FEWEST, said

@@ -110,6 +110,8 @@ class UnpackingWidget(QWidget):
         self.files = FilesSection(self.workspace, self.unsaved)
         self.segment.progress.next_steps = (self.segment.start, self.unpack.next)
         self.keeper = RecoveryKeeper(self.workspace, self.unsaved, self)
+        # Scores are no work of a person, but what is kept of the session is to have them.
+        self.objects.confidence.scored.connect(self.keeper.follow)
         self.recovery = RecoveryBar(self.workspace, self.files.restore, self.keeper)
         self.slices = SlicesButton(self.workspace, self)
         self.clipping = ClippingBox(self.workspace)

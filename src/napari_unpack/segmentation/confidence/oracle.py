@@ -7,7 +7,7 @@ components, and their density is modelled by a mixture of Gaussians. Regions kno
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.atomic import written_atomically
-from napari_unpack.file_sizes import load_arrays
+from napari_unpack.file_sizes import check_plain_file, load_arrays
 from napari_unpack.read_errors import read_errors_told
 from napari_unpack.segmentation.common.region import Region
 from napari_unpack.segmentation.confidence.features import FEATURES, features
@@ -116,12 +116,45 @@ class Oracle:
 
     def save(self, path: str | Path) -> None:
         """Write the oracle as an npz of plain arrays."""
-        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        arrays, names = self.arrays(), np.array(FEATURES)
+        with written_atomically(path) as temporary, temporary.open("wb") as file:
+            np.savez_compressed(file, format=FORMAT, features=names, **arrays)  # type: ignore[arg-type]
+
+    def arrays(self) -> dict[str, NDArray[np.float64]]:
+        """Return all that it consists of, by the names in `ARRAYS`."""
+        found = {name: getattr(self, name) for name in _OWN}
         for side, mixture in (("good", self.good), ("bad", self.bad)):
             if mixture is not None:
-                arrays |= {f"{side}_{name}": getattr(mixture, name) for name in _MIXTURE}
-        with written_atomically(path) as temporary, temporary.open("wb") as file:
-            np.savez_compressed(file, format=FORMAT, features=np.array(FEATURES), **arrays)
+                found |= {f"{side}_{name}": getattr(mixture, name) for name in _MIXTURE}
+        return found
+
+    @staticmethod
+    def of_arrays(found: Mapping[str, NDArray[np.float64]], source: object) -> Oracle:
+        """Make an oracle of its arrays.
+
+        Parameters
+        ----------
+        found : mapping of str to ndarray
+            As from `arrays`; others are left alone.
+        source : object
+            Where they are from, for messages.
+
+        Raises
+        ------
+        ValueError
+            If one is missing, or they do not fit each other.
+        """
+        missing = [name for name in ARRAYS if name not in found and not name.startswith("bad_")]
+        if missing:
+            raise ValueError(f"{source} is a damaged oracle: it lacks {', '.join(missing)}")
+        sides: dict[str, Mixture | None] = {"good": None, "bad": None}
+        for side in sides:
+            if f"{side}_weights" in found:
+                sides[side] = Mixture(*(found.get(f"{side}_{n}", np.zeros(0)) for n in _MIXTURE))
+        oracle = Oracle(**sides, **{name: found[name] for name in _OWN})  # type: ignore[arg-type]
+        if not _fits(oracle):
+            raise ValueError(f"{source} is a damaged oracle: its arrays do not fit each other")
+        return oracle
 
     @staticmethod
     def load(path: str | Path) -> Oracle:
@@ -135,38 +168,44 @@ class Oracle:
             If there is none.
         """
         with read_errors_told(Path(path), "an oracle"):
+            check_plain_file(Path(path))
+            # What numpy says of other archives, such as sessions, says nothing of oracles.
+            others = [name for name in _members(path) if not name.endswith(".npy")]
+            if others:
+                raise ValueError(
+                    f"{path} is not an oracle: it holds {_listed_names(others)}, and an oracle "
+                    "holds arrays (.npy) alone"
+                )
             found, _ = load_arrays(path)
         if str(found.get("format")) != FORMAT or tuple(found.get("features", ())) != FEATURES:
             raise ValueError(
                 f"{path} is not an oracle of this version ({FORMAT}, {len(FEATURES)} features); "
                 "train it again"
             )
-        missing = [
-            name for name in (*_ARRAYS, *(f"good_{m}" for m in _MIXTURE)) if name not in found
-        ]
-        if missing:
-            raise ValueError(f"{path} is a damaged oracle: it lacks {', '.join(missing)}")
-        sides: dict[str, Mixture | None] = {"good": None, "bad": None}
-        for side in sides:
-            if f"{side}_weights" in found:
-                sides[side] = Mixture(*(found.get(f"{side}_{n}", np.zeros(0)) for n in _MIXTURE))
-        oracle = Oracle(**sides, **{name: found[name] for name in _ARRAYS})  # type: ignore[arg-type]
-        if not _fits(oracle):
-            raise ValueError(f"{path} is a damaged oracle: its arrays do not fit each other")
-        return oracle
+        return Oracle.of_arrays(found, path)
 
 
 def is_oracle(path: str | Path) -> bool:
     """Return whether a file is an oracle, of this or another version; no array is read."""
     try:
-        with ZipFile(path) as archive:
-            return {"format.npy", "features.npy"} <= set(archive.namelist())
+        return {"format.npy", "features.npy"} <= set(_members(path))
     except (OSError, BadZipFile):
         return False
 
 
-_ARRAYS = ("center", "scale", "axes", "quantiles", "logistic")
+_OWN = ("center", "scale", "axes", "quantiles", "logistic")
 _MIXTURE = ("weights", "means", "covariances")
+ARRAYS = (*_OWN, *(f"{side}_{name}" for side in ("good", "bad") for name in _MIXTURE))
+
+
+def _members(path: str | Path) -> list[str]:
+    with ZipFile(path) as archive:
+        return archive.namelist()
+
+
+def _listed_names(names: list[str]) -> str:
+    # Some archives hold thousands.
+    return ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
 
 
 @cache
@@ -262,9 +301,10 @@ def _listed(rows: Rows) -> list[NDArray[np.float64]]:
 def _principal(rows: NDArray[np.float64], share: float) -> NDArray[np.float64]:
     variances, vectors = np.linalg.eigh(np.cov(rows.T))
     order = np.argsort(variances)[::-1]
-    explained = np.cumsum(variances[order]) / variances.sum()
+    # Not divided by their sum, which is 0 where all objects are alike.
+    explained, wanted = np.cumsum(variances[order]), share * variances.sum()
     # The first components that explain the share: what is left is noise of single bags.
-    axes = vectors[:, order[: int(np.searchsorted(explained, share)) + 1]].T
+    axes = vectors[:, order[: int(np.searchsorted(explained, wanted)) + 1]].T
     # The sign of an eigenvector is arbitrary; fixing it keeps training reproducible.
     signs = np.sign(axes[np.arange(len(axes)), np.abs(axes).argmax(axis=1)])
     deviations = np.sqrt(np.maximum(variances[order[: len(axes)]], 1e-12))
