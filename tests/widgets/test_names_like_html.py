@@ -45,10 +45,9 @@ def named(panel: UnpackingWidget, piled: Any, qtbot: QtBot) -> Any:
 
 
 def test_names_are_whole_in_sentences(panel: UnpackingWidget, named: Any, qtbot: QtBot) -> None:
-    said = set()
+    said, words = set(), panel.unpack.step_slider.sentence
     for step in range(1, 7):
         panel.commands.go_to(step)
-        words = panel.unpack.step_slider.sentence
         qtbot.waitUntil(lambda n=step: f"Step {n} of" in words.text(), timeout=20000)
         said.add(shown(words).split(": ", 1)[1])
     assert said == set(NAMES)
