@@ -40,8 +40,8 @@ KNOWN = frozenset(
 
 # Limits of what review forgets. Lower them as the code gets there; modules and lines rise only
 # with features and faults that are mended, in the commit that ends them.
-MODULES = 391
-LINES = 77798
+MODULES = 392
+LINES = 77928
 LARGE_CLASSES = 2
 COMMENTS_PER_100_LINES = 3
 UNTYPED = 5
@@ -241,6 +241,11 @@ def test_one_module_of_the_viewer_side_has_timers_and_threads() -> None:
         if side & {*path.relative_to(ROOT).parts} and re.search(TIMERS, path.read_text("utf-8"))
     ]
     assert len(found) <= TIMER_MODULES, found
+
+
+def test_tips_are_shown_by_what_keeps_names_in_them_whole() -> None:
+    found = [_relative(path) for path in SOURCES if "QToolTip.showText" in path.read_text("utf-8")]
+    assert found == ["src/napari_unpack/viewer/plain_text.py"]
 
 
 def test_public_callables_say_what_they_take_and_raise() -> None:

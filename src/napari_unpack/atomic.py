@@ -28,6 +28,9 @@ LEFT_BY_SYSTEMS = frozenset({".DS_Store", ".directory", "Thumbs.db", "desktop.in
 # Longer than any save takes: what another machine left in a shared folder is not swept before.
 _STALE_SECONDS = 7 * 86400.0
 
+_SHOWN = 60
+"""Characters of a name in a message."""
+
 
 def checked_target(path: str | Path, *suffixes: str) -> Path:
     """Return where a file goes.
@@ -59,6 +62,8 @@ def check_writable(path: str | Path) -> None:
         If the folder does not exist.
     PermissionError
         If the file is read-only, or its folder takes no files.
+    OSError
+        If its name is too long.
     ValueError
         If a pipe or a device is there.
     """
@@ -325,7 +330,8 @@ class _NotWrittenError(OSError):
 def _followed(path: str | Path) -> Path:
     """Return where a path leads, links followed, in a folder that exists."""
     target = Path(os.path.realpath(path))
-    if not target.parent.is_dir():
+    # Not Path's own, which raises what the system says of a name that is too long.
+    if not os.path.isdir(target.parent):
         raise FileNotFoundError(f"no folder {target.parent} to write {target.name} into")
     return target
 
@@ -333,9 +339,14 @@ def _followed(path: str | Path) -> Path:
 def _check_mode(target: Path) -> None:
     # A rename asks the folder alone: without this a file that is write-protected, or another
     # person's, would be replaced.
-    if not target.exists():
+    try:
+        mode = target.stat().st_mode
+    except FileNotFoundError:
         return
-    mode = target.stat().st_mode
+    except OSError as error:
+        # Mostly a name that is too long, of which a part tells enough; the reason comes first.
+        name = target.name if len(target.name) < _SHOWN else f"{target.name[:_SHOWN]}…"
+        raise OSError(f"{error.strerror}: {name} cannot be written into {target.parent}") from error
     # A rename would put a file in its place, for every program on the machine.
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         raise ValueError(f"{target} is a pipe or a device: choose the name of a file")

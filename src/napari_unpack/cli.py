@@ -6,6 +6,7 @@ import functools
 import sys
 import warnings
 from collections.abc import Callable
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -52,6 +53,9 @@ def main() -> None:
     """Run the command line."""
     # Readers warn of each odd tag of a file; what matters of it is told in a sentence.
     warnings.filterwarnings("ignore", module="pydicom|tifffile|zarr")
+    # Names have letters that a terminal or a pipe may not have: the rest is printed all the same.
+    if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="replace")
     app()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -207,11 +208,12 @@ def check_output(
         raise ValueError(f"{path} is a suffix alone: give the output a name, such as bag{name}")
     there = [given for given in inputs if given and given.exists()]
     # By what it is and not by its name: links and upper case lead to one file as well.
-    if any(path.exists() and path.samefile(given) for given in there):
+    if any(os.path.exists(path) and path.samefile(given) for given in there):
         raise ValueError(f"{path} is the input and would be overwritten: choose another output")
     if any(given.resolve().is_relative_to(path.resolve()) for given in there):
         raise ValueError(f"{path} holds the input, which would be lost: choose another output")
-    if path.is_dir() and not folder:
+    # Not Path's own, which raises what the system says of a name that is too long.
+    if os.path.isdir(path) and not folder:
         raise ValueError(f"{path} is a folder: choose another output")
     check_writable(path)
 

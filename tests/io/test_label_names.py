@@ -109,3 +109,28 @@ def test_a_file_that_names_nothing_says_what_is_wanted(tmp_path: Path) -> None:
     (tmp_path / "bad.seg.nrrd").write_bytes(b"\x00\x01")
     with pytest.raises(ValueError, match=r"bad.seg.nrrd must begin with NRRD"):
         load_label_names(tmp_path / "bad.seg.nrrd")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252"])
+def test_letters_of_names_are_those_that_were_written(tmp_path: Path, encoding: str) -> None:
+    for name, text in (
+        ("bag.ctbl", CTBL.replace("Bottle", "Große_Flasche")),
+        ("bag.label", SNAP.replace("Bottle", "Große Flasche")),
+        ("bag.csv", TABLE.replace("Bottle", "Große Flasche")),
+    ):
+        (tmp_path / name).write_bytes(text.encode(encoding))
+        assert load_label_names(tmp_path / name)[2].name == "Große Flasche"
+    file = segmentation(tmp_path / "bag.seg.nrrd")
+    file.write_bytes(file.read_bytes().replace(b"Bottle", "Große Flasche".encode(encoding)))
+    assert load_label_names(file)[2].name.endswith("Große Flasche")
+
+
+def test_line_breaks_that_belong_to_a_name_end_no_line(tmp_path: Path) -> None:
+    for end in ("\n", "\r\n"):
+        table = TABLE.replace("\n", end).replace("Bottle", f'"Bottle,{end}blue"')
+        (tmp_path / "bag.csv").write_bytes(table.encode())
+        found = load_label_names(tmp_path / "bag.csv")
+        assert found[2] == NamedLabel(f"Bottle,{end}blue", (0.0, 0.0, 1.0))
+        assert found[40] == KNOWN[40]
+    (tmp_path / "bag.label").write_text(SNAP.replace("Bottle", "Bottle\u2028blue"), "utf-8")
+    assert load_label_names(tmp_path / "bag.label")[2].name == "Bottle\u2028blue"

@@ -20,6 +20,7 @@ import pytest
 import SimpleITK as sitk
 import tifffile
 
+import napari_unpack as nu
 from napari_unpack.atomic import (
     check_space,
     check_writable,
@@ -123,6 +124,22 @@ def test_a_pipe_or_a_device_is_not_replaced(tmp_path: Path) -> None:
             write()
     assert stat.S_ISFIFO(pipe.stat().st_mode)
     assert list(tmp_path.iterdir()) == [pipe]
+
+
+def test_a_name_that_is_too_long_is_told_in_a_sentence(tmp_path: Path) -> None:
+    long = tmp_path / f"{'z' * 250}.unpack"
+    labels = np.indices((4, 4, 4))[0] // 2
+    session = nu.Session(1000.0 * labels, labels)
+    for write in (
+        lambda: check_writable(long),
+        lambda: check_writable(long / "a.txt"),
+        lambda: save(long, "new"),
+        lambda: nu.save_session(session, long),
+    ):
+        with pytest.raises(OSError, match=r"cannot be written into|no folder") as told:
+            write()
+        assert "Errno" not in str(told.value)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_folder_that_is_missing_or_full_is_told_before_the_work(tmp_path: Path) -> None:

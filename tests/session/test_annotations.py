@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 from bags import session_of, stack_of_plates
 
@@ -198,3 +199,21 @@ def test_names_of_another_program_that_are_blank_leave_objects_theirs() -> None:
     session.annotations.name_and_color({1: "  ", 2: " lid "}, {1: (1, 0, 0)})
     assert session.objects["name"][[1, 2]].tolist() == ["plate", "lid"]
     assert session.annotations.colors.keys() == {1}
+
+
+def test_a_name_is_one_line_wherever_it_comes_from() -> None:
+    labels = stack_of_plates()
+    odd = "plate\nof\tglass \r\n "
+    for given in ({"name": [odd] * 2}, {"kind": [odd] * 2}):
+        table = pd.DataFrame(given, index=[1, 2])
+        names = Session(labels, labels, objects=table).objects["name"]
+        assert [name.lower().rstrip(" 12") for name in names[[1, 2]]] == ["plate of glass"] * 2
+    session = session_of(stack_of_plates())
+    session.rename(1, odd)
+    session.annotations.name_and_color({2: odd}, {})
+    record = json.loads(json.dumps(record_of(session)))
+    record["situation"]["names"]["3"] = odd
+    again = session_from(record, session.volume, session.labels)
+    assert again.objects["name"][[1, 2, 3]].tolist() == ["plate of glass"] * 3
+    with pytest.raises(ValueError, match="must not be blank"):
+        session.rename(1, "\n\t")

@@ -303,9 +303,13 @@ def test_faults_of_files_are_told_and_change_nothing(
     assert "not whole" in said[0]
     assert "is empty" in said[1]
     assert "No such session" in said[2]
+    panel.files.save_to(tmp_path / "good.unpack")
+    done(panel, qtbot)
+    assert panel.files.status == "good.unpack written"
     panel.files.save_to(tmp_path / "nowhere" / "s.unpack")
     done(panel, qtbot)
     assert "No folder" in said[3]
+    assert panel.files.status == ""
     assert panel.workspace.session is session
     assert [layer.name for layer in viewer.layers] == names
     # Too large for memory: told at once, and nothing is written.

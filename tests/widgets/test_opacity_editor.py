@@ -162,6 +162,8 @@ def test_points_are_typed_and_what_cannot_be_is_told(qtbot: QtBot, monkeypatch) 
     line.edited.connect(told.append)
     line.show_points(CURVE)
     assert line.text() == "0 0, 500 0, 1000 0.125, 2000 1"
+    # A longer one is seen from its beginning.
+    assert line.cursorPosition() == 0
     qtbot.keyClick(line, Qt.Key.Key_Return)
     assert told == []
     line.selectAll()

@@ -55,9 +55,11 @@ def test_one_key_answers_is_applied_at_once_and_undone(
     viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot, tmp_path: Path
 ) -> None:
     canvas = compat.native_canvas(viewer).native
+    session.rename(1, "Tube <5 mm>")
     panel.objects.review.toggle.setChecked(True)
     box = asked(panel, qtbot, 0)
     assert box.doubt.kind == "join"
+    assert "Tube &lt;5 mm&gt;" in box.sentence.text()
     assert "Are orange and blue the same thing?" in box.sentence.text()
     assert not box.save.isEnabled()
     image = box.picture.pixmap().toImage()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -71,7 +72,7 @@ def load_label_names(path: str | Path) -> dict[int, NamedLabel]:
         else:
             with file.open("rb") as stream:
                 # What is longer lists no labels; a volume chosen by mistake is not read as text.
-                text = stream.read(LONGEST_HEADER).decode("utf-8-sig", errors="replace")
+                text = _text(stream.read(LONGEST_HEADER))
             found = dict(_table(text) if file.suffix.lower() == ".csv" else _lines(text))
         found.pop(0, None)
         if not found:
@@ -82,8 +83,17 @@ def load_label_names(path: str | Path) -> dict[int, NamedLabel]:
     return found
 
 
+def _text(data: bytes) -> str:
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        # Of an older program on Windows. Five bytes mean nothing there.
+        return data.decode("cp1252", errors="replace")
+
+
 def _lines(text: str) -> Iterator[tuple[int, NamedLabel]]:
-    for line in text.splitlines():
+    # Not splitlines, which ends a line at signs that may stand in a name.
+    for line in io.StringIO(text, newline=None):
         if line.lstrip().startswith("#"):
             continue
         if snap := SNAP_LINE.match(line):
@@ -96,7 +106,7 @@ def _lines(text: str) -> Iterator[tuple[int, NamedLabel]]:
 
 
 def _table(text: str) -> Iterator[tuple[int, NamedLabel]]:
-    for line in csv.DictReader(text.splitlines()):
+    for line in csv.DictReader(io.StringIO(text, newline="")):
         row = {str(key).strip().lower(): str(value or "").strip() for key, value in line.items()}
         if row.get("labelvalue", "").isdigit():
             rgb = [row.get(f"color_{channel}", "") for channel in "rgb"]
@@ -110,7 +120,7 @@ def _header(file: Path) -> str:
         head = stream.read(LONGEST_HEADER)
     if not head.startswith(b"NRRD"):
         raise ValueError(f"{file} must begin with NRRD, got {head[:8]!r}: is it a segmentation?")
-    return re.split(rb"\r?\n\r?\n", head, maxsplit=1)[0].decode("utf-8", errors="replace")
+    return _text(re.split(rb"\r?\n\r?\n", head, maxsplit=1)[0])
 
 
 def _segments(header: str) -> dict[int, NamedLabel]:

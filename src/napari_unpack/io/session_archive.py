@@ -256,7 +256,7 @@ class _FolderSource:
 
 def is_zip(path: Path) -> bool:
     """Tell whether a path means one file; else it means a folder."""
-    return path.suffix.lower() in ZIP_SUFFIXES and not path.is_dir()
+    return path.suffix.lower() in ZIP_SUFFIXES and not os.path.isdir(path)
 
 
 @contextmanager

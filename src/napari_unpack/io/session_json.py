@@ -32,7 +32,7 @@ from napari_unpack.io.measurements_json import measurements_from, measurements_r
 from napari_unpack.io.scan import checked_place
 from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session.events import LogEntry
-from napari_unpack.session.labels import LabelData, object_table
+from napari_unpack.session.labels import LabelData, object_table, one_line
 from napari_unpack.session.session import Session
 from napari_unpack.session.state import (
     FLAGS,
@@ -260,7 +260,7 @@ def state_from(fields: Fields, data: LabelData, rules: UnpackingRules) -> Sessio
         if not isinstance(hue, int | float) or not 0.0 <= hue <= 1.0:
             raise ValueError(f"session.situation.hues.{i} must be from 0 to 1, got {hue!r}")
         hues[i] = float(hue) % 1.0
-    names = {i: str(name) for i, name in fields.by_id("names", known).items()}
+    names = {i: one_line(str(name)) for i, name in fields.by_id("names", known).items()}
     most = data.most_objects
     placements = dict(_read_placement(part, known, most) for part in fields.parts("out"))
     # Two in one slot would hide each other.

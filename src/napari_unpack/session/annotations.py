@@ -10,6 +10,7 @@ from napari_unpack.appearance.tints import Rgba
 from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session import commands
 from napari_unpack.session.document import Document
+from napari_unpack.session.labels import one_line
 from napari_unpack.session.state import FLAGS, Flag, SessionState
 from napari_unpack.session.validation import checked_kind
 
@@ -86,7 +87,7 @@ class Annotations:
         """
         state, checked = self._doc.state, {i: _checked_color(c) for i, c in colors.items()}
         self._doc.checked([*names, *checked])
-        told = {i: name.strip() for i, name in names.items() if name.strip()}
+        told = {i: one_line(name) for i, name in names.items() if name.strip()}
         new = replace(state, names={**state.names, **told}, colors={**state.colors, **checked})
         if (new.names, new.colors) != (state.names, state.colors):
             self._doc.commit("names and colours", new)

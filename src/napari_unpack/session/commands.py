@@ -11,7 +11,7 @@ import numpy as np
 from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.rendering.object_style import ObjectStyle
-from napari_unpack.session.labels import Edit, origin_of
+from napari_unpack.session.labels import Edit, one_line, origin_of
 from napari_unpack.session.measurements import Measurement, SurfacePoint
 from napari_unpack.session.occlusion import NextUnpackable, OcclusionResult
 from napari_unpack.session.state import Group, Placement, SessionState
@@ -370,6 +370,7 @@ def rename(state: SessionState, object_id: int, name: str) -> SessionState:
     state : SessionState
     object_id : int
     name : str
+        Line breaks and tabs in it become spaces.
 
     Raises
     ------
@@ -381,7 +382,7 @@ def rename(state: SessionState, object_id: int, name: str) -> SessionState:
     checked_kind(name, str, "name")
     if not name.strip():
         raise ValueError("name must not be blank")
-    return replace(state, names={**state.names, object_id: name.strip()})
+    return replace(state, names={**state.names, object_id: one_line(name)})
 
 
 def set_style(state: SessionState, object_id: int, style: ObjectStyle | None) -> SessionState:

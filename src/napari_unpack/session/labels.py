@@ -83,7 +83,7 @@ def object_table(
     # Ground truth of simulated bags says kinds and no names.
     if "name" not in known and "kind" in known:
         found["name"] = [
-            f"{str(kind).capitalize()} {i}" if isinstance(kind, str) else f"Object {i}"
+            f"{one_line(kind).capitalize()} {i}" if isinstance(kind, str) else f"Object {i}"
             for i, kind in zip(known_by, known["kind"], strict=True)
         ]
     for column in found:
@@ -98,9 +98,16 @@ def object_table(
 def _names(column: pd.Series) -> pd.Series:
     """Return names as text; whole numbers that stood beside missing ones without a fraction."""
     return column.map(
-        lambda name: str(int(name)) if isinstance(name, float) and name % 1 == 0 else str(name),
+        lambda name: (
+            str(int(name)) if isinstance(name, float) and name % 1 == 0 else one_line(str(name))
+        ),
         na_action="ignore",
     ).infer_objects()
+
+
+def one_line(name: str) -> str:
+    """Return a name as tables and sentences have room for it: white space is one space."""
+    return " ".join(name.split())
 
 
 def _numbers(column: pd.Series) -> pd.Series:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 from qtpy.QtGui import QCursor
-from qtpy.QtWidgets import QToolTip
 
 from napari_unpack.geometry.axes import Matrix
 from napari_unpack.geometry.transforms import rotation_about
@@ -20,6 +19,7 @@ from napari_unpack.viewer.brush import Brush
 from napari_unpack.viewer.direction_arrow import Pencil
 from napari_unpack.viewer.layer_tables import describe, hint
 from napari_unpack.viewer.multi_selection import RubberBand, SliceBand, chosen
+from napari_unpack.viewer.plain_text import show_tip
 from napari_unpack.viewer.protocols import ClickTool, MouseEvent, Pixel
 from napari_unpack.viewer.surface_points import label_at
 
@@ -76,6 +76,7 @@ class Interaction:
         viewer.mouse_double_click_callbacks[:] = [self._double_click]
         viewer.mouse_move_callbacks.append(self._move)
         viewer.mouse_drag_callbacks.append(self._drag)
+        compat.show_status_as_written(viewer)
 
     def close(self) -> None:
         """Give the mouse back."""
@@ -211,7 +212,7 @@ class Interaction:
     def _show_name(self, words: str) -> None:
         canvas = compat.native_canvas(self._target.viewer)
         if canvas is not None:
-            QToolTip.showText(QCursor.pos(), words, canvas.native)
+            show_tip(QCursor.pos(), words, canvas.native)
 
     # napari's mouse callbacks.
 

@@ -18,6 +18,7 @@ from qtpy.QtWidgets import QFileDialog, QMessageBox
 
 from napari_unpack.io.session_archive import ZIP_SUFFIXES
 from napari_unpack.io.volumes import stem_of
+from napari_unpack.viewer.plain_text import literal
 
 if TYPE_CHECKING:
     from napari.layers import Layer
@@ -146,7 +147,7 @@ def ask_where_to_write(
 
 def _may_replace(parent: QWidget, title: str, path: Path) -> bool:
     answer = QMessageBox.question(
-        parent, title, f"{path.name} is there already.\nDo you want to replace it?"
+        parent, title, literal(f"{path.name} is there already.\nDo you want to replace it?")
     )
     return answer == QMessageBox.StandardButton.Yes
 

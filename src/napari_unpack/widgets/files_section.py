@@ -462,6 +462,8 @@ class FilesSection(Section):
             notifications.inform("Wait for the file that is being written, or cancel it.")
             return
         self._then = then
+        # What was done before would be read as what came of this.
+        self.set_status("")
         self.progress.begin(work)
         self._refresh()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -48,7 +49,7 @@ class InspectionBox(QWidget):
         self._inspected = 0
         self._points: list[Point] | None = None
         self._known: Facts | None = None
-        self.facts = label("", "hint", wrap=True)
+        self.facts = label("", "hint", wrap=True, rich=True)
         self.facts.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.editor = OpacityEditor()
         self.editor.setAccessibleName("Opacity curve of this object")
@@ -168,7 +169,7 @@ def describe(facts: Facts, neighbours: Sequence[str], unit: LengthUnit = MM) -> 
     # Three digits each, or edges of a cell would all be 0.
     size = " × ".join(three_digits(edge * unit.per_mm) for edge in facts.size_mm)
     lines = [
-        f"<b>{facts.name}</b>",
+        f"<b>{escape(facts.name)}</b>",
         f"length × width × height {size} {unit.name}, along its own axes",
         f"{volume_words(facts.volume_mm3, unit)}, "
         f"mean density {density_text(facts.mean)} ± {density_text(facts.spread)}",
@@ -177,7 +178,7 @@ def describe(facts: Facts, neighbours: Sequence[str], unit: LengthUnit = MM) -> 
         why = f": {'; '.join(facts.reasons)}" if facts.reasons else ""
         lines.append(f"confidence {percent(facts.confidence)} that it is one whole object{why}")
     if neighbours:
-        lines.append(f"touches {listed_objects(neighbours)}")
+        lines.append(f"touches {escape(listed_objects(neighbours))}")
     else:
         lines.append("touches nothing")
     return "<br>".join(lines)

@@ -75,11 +75,13 @@ def ask_about_size(parent: QWidget | None, error: TooLargeError, then: Callable[
         Called where the answer is Open.
     """
     # Imported late: volumes are read by napari without a window too.
+    from qtpy.QtCore import Qt
     from qtpy.QtWidgets import QMessageBox
 
     box = QMessageBox(parent)
     box.setIcon(QMessageBox.Icon.Warning)
     box.setWindowTitle("Virtual Unpacking")
+    box.setTextFormat(Qt.TextFormat.PlainText)
     box.setText(f"{error.reason}.")
     box.setInformativeText(
         "Open it all the same? Where memory runs out, the computer stands still or ends napari."

@@ -15,6 +15,7 @@ from napari_unpack.layers.compat import unwrap
 from napari_unpack.layers.levels import Factors, factors_of, finest_fitting
 from napari_unpack.layers.placement import FIELDS, spacing_of
 from napari_unpack.memory import total_memory
+from napari_unpack.viewer.plain_text import literal
 from napari_unpack.widgets.narrow import Choice
 
 if TYPE_CHECKING:
@@ -118,7 +119,7 @@ class LayerInput(Choice):
             self.addItem(f"{layer.name} ({why})" if why else str(layer.name))
             item = self.model().item(self.count() - 1)
             item.setEnabled(not why)
-            item.setToolTip(f"{layer.name}: {why}." if why else str(layer.name))
+            item.setToolTip(literal(f"{layer.name}: {why}." if why else str(layer.name)))
 
     def _first_choice(self) -> Layer | None:
         if self._none is not None or self._prefers is None:

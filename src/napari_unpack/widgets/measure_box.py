@@ -7,6 +7,7 @@ from qtpy.QtGui import QKeyEvent
 from qtpy.QtWidgets import QListWidget, QListWidgetItem
 
 from napari_unpack.session.measurements import SurfacePoint
+from napari_unpack.viewer.plain_text import literal
 from napari_unpack.viewer.ruler_tool import RulerTool
 from napari_unpack.widgets.narrow import Check
 from napari_unpack.widgets.notifications import errors_shown
@@ -141,7 +142,7 @@ class MeasureBox(Collapsible):
                 on = ", ".join(str(names[i]) for i in sorted(one.objects) if i in names.index)
                 words = one.words_in(session.length_unit)
                 item = QListWidgetItem(f"{words} on {on}" if on else words, self.list)
-                item.setToolTip(f"{item.text()}. {AWAY}")
+                item.setToolTip(literal(f"{item.text()}. {AWAY}"))
         self.list.setVisible(bool(measurements))
         height = self.list.fontMetrics().height() + PADDING
         self.list.setFixedHeight(min(len(measurements), ROWS) * height + PADDING)

@@ -21,10 +21,10 @@ from qtpy.QtWidgets import (
     QStyle,
     QStyleOptionComboBox,
     QToolButton,
-    QToolTip,
     QWidget,
 )
 
+from napari_unpack.viewer.plain_text import literal, show_tip
 from napari_unpack.widgets.theme import GAP
 
 if TYPE_CHECKING:
@@ -157,6 +157,10 @@ class Field(QLineEdit):
 class Words(QLabel):
     """A line of text that is shortened where there is no room for it."""
 
+    def __init__(self) -> None:
+        super().__init__()
+        self.setTextFormat(Qt.TextFormat.PlainText)
+
     def minimumSizeHint(self) -> QSize:
         """Return a size that widens no panel."""
         return QSize(0, super().minimumSizeHint().height())
@@ -172,7 +176,7 @@ class Words(QLabel):
     def setText(self, text: str) -> None:
         """Show a text, the whole of it in the tooltip."""
         super().setText(text)
-        self.setToolTip(text)
+        self.setToolTip(literal(text))
 
 
 class Row(QWidget):
@@ -275,5 +279,5 @@ def _needed(line: list[QWidget]) -> int:
 
 def _tell(widget: QWidget, event: Any, whole: str) -> bool:
     """Show a tooltip that begins with the whole text."""
-    QToolTip.showText(event.globalPos(), "\n".join(filter(None, (whole, widget.toolTip()))), widget)
+    show_tip(event.globalPos(), "\n".join(filter(None, (whole, widget.toolTip()))), widget)
     return True

@@ -13,6 +13,7 @@ from qtpy.QtGui import QColor, QFont
 from napari_unpack.geometry.length_unit import MM
 from napari_unpack.session.errors import listed_objects
 from napari_unpack.session.object_state import ObjectState
+from napari_unpack.viewer.plain_text import literal
 from napari_unpack.widgets.object_columns import (
     FIRST,
     MARKS,
@@ -267,8 +268,10 @@ class ObjectModel(QAbstractTableModel):
         match role:
             case Role.DisplayRole if column == Column.NAME and row.is_example:
                 return f"{row.name} ✓"
-            case Role.DisplayRole | Role.ToolTipRole if column == Column.BLOCKERS:
+            case Role.DisplayRole if column == Column.BLOCKERS:
                 return self._blockers_text(row.id)
+            case Role.ToolTipRole if column == Column.BLOCKERS:
+                return literal(self._blockers_text(row.id))
             case Role.DisplayRole | Role.EditRole:
                 return self._text(row, column)
             case Role.AccessibleTextRole if row.spoken(column):
@@ -282,9 +285,9 @@ class ObjectModel(QAbstractTableModel):
             case Role.TextAlignmentRole:
                 return _alignment(column)
             case Role.ToolTipRole if column == Column.CONFIDENCE and not np.isnan(row.confidence):
-                return f"{row.tooltip(column, self.units)}\n{self._reasons(row.id)}"
+                return literal(f"{row.tooltip(column, self.units)}\n{self._reasons(row.id)}")
             case Role.ToolTipRole:
-                return row.tooltip(column, self.units)
+                return literal(row.tooltip(column, self.units))
             case _ if role == SORT:
                 return row.sort_key(column)
         own = {ID: row.id, STATE: row.state, FLAG: row.flag, SEARCHED: row.searched}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,7 +51,7 @@ class ReviewBox(Collapsible):
         )
         self._workspace, self._repair = workspace, repair
         self._left: list[Doubt] = []
-        self.sentence = label("", "hint", wrap=True)
+        self.sentence = label("", "hint", wrap=True, rich=True)
         self.picture = QLabel()
         self.picture.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self.picture.setFixedHeight(SIDE)
@@ -142,7 +143,7 @@ class ReviewBox(Collapsible):
             names = " and ".join(dict.fromkeys(str(session.objects["name"][i]) for i in known))
             total = done + len(left)
             self.sentence.setText(
-                f"<b>{done + 1} of {total}</b> {names}<br>{QUESTIONS[doubt.kind]}"
+                f"<b>{done + 1} of {total}</b> {escape(names)}<br>{QUESTIONS[doubt.kind]}"
             )
             pixels = round(SIDE * self.devicePixelRatioF())
             self._workspace.scheduler.submit(

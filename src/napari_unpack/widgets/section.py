@@ -224,7 +224,7 @@ def _laid_out(layout: QLayout) -> Iterator[QWidget]:
             yield widget
 
 
-def label(text: str, role: str, wrap: bool = False) -> QLabel:
+def label(text: str, role: str, wrap: bool = False, rich: bool = False) -> QLabel:
     """Make a label.
 
     Parameters
@@ -233,8 +233,13 @@ def label(text: str, role: str, wrap: bool = False) -> QLabel:
         The roles are those of the style sheet in `theme`.
     wrap : bool
         Break long text, so that it does not widen the panel.
+    rich : bool
+        Whether texts are HTML, in which names are to be escaped; else every sign is shown.
     """
-    made = QLabel(text)
+    made = QLabel()
+    # Told: Qt's own guess would take a name such as "Doll <body>" for HTML.
+    made.setTextFormat(Qt.TextFormat.RichText if rich else Qt.TextFormat.PlainText)
+    made.setText(text)
     made.setProperty("role", role)
     made.setWordWrap(wrap)
     if wrap:

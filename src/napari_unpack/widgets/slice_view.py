@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from qtpy.QtCore import QEvent, QLineF, QPointF, QRectF, QSize, Qt, Signal
 from qtpy.QtGui import QColor, QImage, QPainter, QPen
-from qtpy.QtWidgets import QToolTip, QWidget
+from qtpy.QtWidgets import QWidget
 
 from napari_unpack.rendering.rulers import AWAY, number_spots
 from napari_unpack.rendering.slice_image import Plane
 from napari_unpack.viewer.canvas_lines import draw_lines
 from napari_unpack.viewer.canvas_text import draw_words
+from napari_unpack.viewer.plain_text import show_tip
 from napari_unpack.viewer.ruler_drawing import lines_of
 
 if TYPE_CHECKING:
@@ -240,7 +241,7 @@ class SliceView(QWidget):
     def event(self, event: QEvent) -> bool:
         """Say what is under a resting mouse: the object, or else what the mouse does here."""
         if event.type() == QEvent.Type.ToolTip:
-            QToolTip.showText(event.globalPos(), self.name or HELP, self)
+            show_tip(event.globalPos(), self.name or HELP, self)
             return True
         return bool(super().event(event))
 
@@ -253,7 +254,7 @@ class SliceView(QWidget):
             self.pointed.emit(voxel)
         if self.name != before:
             # At once: names are read while the mouse moves on.
-            QToolTip.showText(self.mapToGlobal(place.toPoint()), self.name, self)
+            show_tip(self.mapToGlobal(place.toPoint()), self.name, self)
 
     def _enlarge(self, factor: float, around: QPointF | None = None) -> None:
         """Zoom; what is under the mouse stays there, or else the crosshair."""

@@ -31,7 +31,12 @@ class TypedPoints(QLineEdit):
         """Show a curve, unless somebody types."""
         self._points = list(points)
         if not self.isModified() or not self.hasFocus():
-            self.setText(points_text(self._points))
+            self._write()
+
+    def _write(self) -> None:
+        self.setText(points_text(self._points))
+        # Of more than there is room for, the first are seen.
+        self.setCursorPosition(0)
 
     def _read(self) -> None:
         if not self.isModified():
@@ -43,7 +48,7 @@ class TypedPoints(QLineEdit):
             self.edited.emit(points)
             return
         # What cannot be read is told, and the curve stays as it is.
-        self.setText(points_text(self._points))
+        self._write()
 
 
 def points_text(points: Iterable[Point]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from html import escape
 from typing import TYPE_CHECKING
 
 from qtpy.QtCore import QSignalBlocker, Qt
@@ -108,7 +109,7 @@ class UnpackSection(Section):
         self.back_to_bag = button(
             "Close the opened object", "Go back to the bag that the object is from (Escape).", True
         )
-        self.sentence = label("", "hint", wrap=True)
+        self.sentence = label("", "hint", wrap=True, rich=True)
         self.sentence.setTextInteractionFlags(Qt.TextInteractionFlag.LinksAccessibleByMouse)
         # As many lines as it ever has: the table below stays where it is.
         self.sentence.setMinimumHeight(3 * self.sentence.fontMetrics().lineSpacing())
@@ -376,7 +377,7 @@ class UnpackSection(Section):
         if least is not None:
             object_id, ratio = least
             leads = "Next" if session.take_least_occluded else "Least occluded"
-            name = session.objects["name"][object_id]
+            name = escape(str(session.objects["name"][object_id]))
             words.append(f"{leads}: {name} ({share_of(ratio)} occluded).")
         if self._best is not None:
             # D may have the same words: one of 26 directions is seldom just the view's.

@@ -168,7 +168,7 @@ class UnpackingWidget(QWidget):
         column.addStretch(0)
         self.unpack.view.line.add(self.slices.button)
         keys = Collapsible("Keys and mouse", "What the keys and the mouse do in the 3D view.")
-        keys.contents.addWidget(label(help_text(), "hint", wrap=True))
+        keys.contents.addWidget(label(help_text(), "hint", wrap=True, rich=True))
         column.addWidget(keys)
         order_tabs(column)
         scroll = QScrollArea()

@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
-from qtpy.QtCore import QObject, Signal
+from qtpy.QtCore import QObject, Qt, Signal
 from qtpy.QtWidgets import QMessageBox, QWidget
 
 from napari_unpack.layers.compat import is_shown
@@ -201,6 +201,7 @@ class UnsavedWork(QObject):
         box = QMessageBox(self._panel.window())
         box.setIcon(QMessageBox.Icon.Warning)
         box.setWindowTitle("Virtual Unpacking")
+        box.setTextFormat(Qt.TextFormat.PlainText)
         box.setText(f"Save the unpacking{name}?")
         box.setInformativeText(f"{reason} What was done since it was last saved would be lost.")
         kinds = QMessageBox.StandardButton
