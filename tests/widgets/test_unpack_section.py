@@ -68,6 +68,20 @@ def test_unpacking_what_is_blocked_says_who_stands_in_front(
     assert set(states(piled).values()) == {"PACKED"}
 
 
+def test_facts_of_an_inspected_object_say_the_names_of_now(
+    panel: UnpackingWidget, piled: Any, qtbot: QtBot
+) -> None:
+    facts = panel.unpack.inspection.facts
+    panel.commands.inspect(1)
+    qtbot.waitUntil(lambda: "touches" in facts.text(), timeout=20000)
+    assert facts.text().startswith("<b>Object 1</b>")
+    assert facts.text().endswith("touches Objects 2 and 3")
+    for object_id, name in ((1, "Camera"), (2, "Hair dryer")):
+        panel.commands.rename(object_id, name)
+    qtbot.waitUntil(lambda: facts.text().startswith("<b>Camera</b>"), timeout=5000)
+    assert facts.text().endswith("touches Hair dryer and Object 3")
+
+
 def _knot(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> Any:
     """Stage two objects of which, along x, each stands in front of the other."""
     labels = np.zeros((8, 8, 8), np.uint8)
