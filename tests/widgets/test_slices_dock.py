@@ -411,7 +411,7 @@ def test_docks_below_leave_the_window_no_taller_than_a_laptops_screen(
     window = compat.native_window(viewer)
     window.resize(1000, 768)
     below = Qt.DockWidgetArea.BottomDockWidgetArea
-    for opener in (panel.slices, panel.objects.table_button):
+    for opener in (panel.objects.table_button, panel.slices):
         press(qtbot, opener.button)
         qtbot.waitUntil(opener.dock.isVisible, timeout=5000)
         qtbot.wait(100)

@@ -16,7 +16,7 @@ from napari_unpack.layers import compat
 from napari_unpack.widgets.directions import words_of
 from napari_unpack.widgets.object_columns import Column
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
-from opened_panel import controller_with, press, states
+from opened_panel import controller_with, press, rest, states
 
 Viewers = Callable[..., Any]
 
@@ -80,6 +80,11 @@ def test_facts_of_an_inspected_object_say_the_names_of_now(
         panel.commands.rename(object_id, name)
     qtbot.waitUntil(lambda: facts.text().startswith("<b>Camera</b>"), timeout=5000)
     assert facts.text().endswith("touches Hair dryer and Object 3")
+    # After it there is no object whose name could be asked for.
+    panel.commands.leave()
+    panel.commands.rename(3, "Shoe")
+    rest(panel, qtbot)
+    assert not facts.isVisible()
 
 
 def _knot(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> Any:

@@ -62,10 +62,9 @@ class DockContents(QWidget):
 
 
 def keep_below_low(window: QMainWindow) -> None:
-    """Have docks at the bottom stand between those at the left and right, not beneath them."""
+    """Have docks at the bottom stand beside those at the left, not beneath them."""
     # Those of napari are tall: beneath them, a dock makes the window taller than a screen.
     window.setCorner(Qt.Corner.BottomLeftCorner, Qt.DockWidgetArea.LeftDockWidgetArea)
-    window.setCorner(Qt.Corner.BottomRightCorner, Qt.DockWidgetArea.RightDockWidgetArea)
 
 
 D = TypeVar("D", bound=DockContents)

@@ -114,7 +114,8 @@ class InspectionBox(KeepsKeyboard, QWidget):
 
     def _describe(self) -> None:
         facts, session = self._known, self._workspace.session
-        if facts is not None and session is not None:
+        # Facts outlive the inspection.
+        if facts is not None and session is not None and self._inspected:
             names = session.objects["name"]
             # Some may have been deleted since.
             neighbours = [str(names[i]) for i in facts.neighbours if i in names.index]
