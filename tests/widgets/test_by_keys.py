@@ -17,6 +17,7 @@ from keys import ALT, CONTROL, KEY, PLAIN, SHIFT, Keys, called
 from napari_unpack.layers import compat
 from napari_unpack.rendering.slice_image import ALONG_Z
 from napari_unpack.widgets.object_columns import Column
+from napari_unpack.widgets.section import Collapsible
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import Closed, add_bag, rest, states
 
@@ -220,6 +221,54 @@ def test_a_bag_is_unpacked_inspected_noted_and_repaired_by_keys(
     keys.press(KEY.Key_Right, times=8)
     keys.press(KEY.Key_Return)
     qtbot.waitUntil(lambda: len(session.ids) == 7, timeout=20000)
+
+
+def test_a_button_that_is_spent_hands_its_key_to_no_other(story: Any, qtbot: QtBot) -> None:
+    keys, panel = story
+    session = panel.workspace.session
+    # One press for each object, and some more.
+    for _ in range(len(session.ids) + 3):
+        keys.press(KEY.Key_Space)
+        rest(panel, qtbot)
+        assert keys.focus == "Unpack next"
+    assert out(session) == list(session.ids)
+    assert not panel.unpack.next.isEnabled()
+    # Tab goes on from there, and it is of use again where it is.
+    keys.press(KEY.Key_Tab)
+    assert keys.focus == "Restore last"
+    keys.to("Restore all")
+    keys.press(KEY.Key_Space)
+    rest(panel, qtbot)
+    keys.press(KEY.Key_Space)
+    assert out(session) == []
+    assert keys.focus == "Restore all"
+    keys.press("n")
+    rest(panel, qtbot)
+    keys.press(KEY.Key_Space)
+    rest(panel, qtbot)
+    assert out(session) == []
+
+    # So it is where the button is no more to be seen, with all around it.
+    buried = next(i for i in session.ids if i not in session.unpackable())
+    session.select([buried])
+    keys.press("r")
+    qtbot.waitUntil(panel.unpack.reveal_box.isVisible, timeout=20000)
+    keys.to("Not now")
+    keys.press(KEY.Key_Space)
+    assert not panel.unpack.reveal_box.isVisible()
+    more = panel.unpack.findChild(Collapsible)
+    keys.press(KEY.Key_Space, times=2)
+    assert not more.toggle.isChecked()
+    keys.press(KEY.Key_Tab)
+    assert keys.focus == more.toggle.text()
+
+    keys.press("h")
+    keys.to("Show all")
+    keys.press(KEY.Key_Space)
+    qtbot.waitUntil(lambda: not panel.objects.show_all.isEnabled(), timeout=5000)
+    keys.press(KEY.Key_Space)
+    assert not panel.objects.split.isChecked()
+    assert panel.workspace.controller.interaction.tool is None
 
 
 def test_a_direction_is_drawn_by_keys(story: Any, viewer: Any, qtbot: QtBot) -> None:

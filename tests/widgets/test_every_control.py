@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import Qt
-from qtpy.QtGui import QColor
+from qtpy.QtGui import QColor, QPalette
 from qtpy.QtWidgets import (
     QAbstractButton,
     QAbstractSlider,
@@ -127,6 +127,22 @@ def test_texts_stand_out_from_what_is_behind_them(theme: str) -> None:
             assert contrast(ink, ground) >= 4.5, f"{what}, {ink} on {ground}"
     for ground in (p.background, p.raised):
         assert contrast(p.focus, ground) >= 3.0
+
+
+def test_what_an_empty_field_says_stands_out(viewer: Any, panel: UnpackingWidget) -> None:
+    for theme in ("dark", "light"):
+        viewer.theme = theme
+        QApplication.processEvents()
+        said = [field for field in panel.findChildren(QLineEdit) if field.placeholderText()]
+        assert {"Search objects", "automatic"} <= {field.placeholderText() for field in said}
+        for field in said:
+            ink = field.palette().color(QPalette.ColorRole.PlaceholderText)
+            pixels = picture(field).reshape(-1, 3)
+            shades, counts = np.unique(pixels, axis=0, return_counts=True)
+            # Of the field, most of which is empty; blue comes first.
+            ground = QColor(*(int(shade) for shade in shades[counts.argmax()][::-1]))
+            assert ink.alpha() == 255
+            assert contrast(ink.name(), ground.name()) >= 4.5, (theme, field.placeholderText())
 
 
 def contrast(ink: str, ground: str) -> float:

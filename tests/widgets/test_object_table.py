@@ -1,5 +1,6 @@
 """The table of objects: what it shows, how it sorts, filters, selects and answers clicks."""
 
+import unicodedata
 from types import SimpleNamespace
 
 import numpy as np
@@ -128,6 +129,34 @@ def test_search_finds_names_and_ids(table: ObjectTable) -> None:
     assert _shown(table, Column.NAME) == ["Shoe"]
     table.rows.keep_text("")
     assert len(_shown(table, Column.NAME)) == 3
+
+
+@pytest.mark.parametrize("form", ["NFC", "NFD"])
+def test_accents_are_found_however_they_are_written(
+    table: ObjectTable, session: SimpleNamespace, form: str
+) -> None:
+    # A key gives one letter, and a file of macOS a letter and its accent.
+    session.rename(5, unicodedata.normalize(form, "Café tin"))
+    table.objects.refresh()
+    for typed in ("NFC", "NFD"):
+        table.rows.keep_text(unicodedata.normalize(typed, "CAFÉ"))
+        assert len(_shown(table, Column.NAME)) == 1
+
+
+def test_a_search_that_finds_nothing_says_so(table: ObjectTable) -> None:
+    def ink() -> int:
+        image = table.viewport().grab().toImage()
+        ground = image.pixelColor(0, 0)
+        places = ((x, y) for x in range(image.width()) for y in range(image.height()))
+        return sum(image.pixelColor(x, y) != ground for x, y in places)
+
+    table.show()
+    table.rows.keep_text("no such thing")
+    assert _shown(table, Column.NAME) == []
+    assert ink() > 50
+    # Without any object there is nothing to search.
+    table.objects.load(None)
+    assert ink() == 0
 
 
 def test_states_filter_and_follow_the_session(table: ObjectTable, session: SimpleNamespace) -> None:

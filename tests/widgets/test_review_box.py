@@ -62,6 +62,11 @@ def test_one_key_answers_is_applied_at_once_and_undone(
     assert "Tube &lt;5 mm&gt;" in box.sentence.text()
     assert "Are orange and blue the same thing?" in box.sentence.text()
     assert not box.save.isEnabled()
+    # Asked on by the name that is given meanwhile, with the picture that is there.
+    doubt = box.doubt
+    panel.commands.rename(BAR, "Candle")
+    qtbot.waitUntil(lambda: "Candle" in box.sentence.text(), timeout=5000)
+    assert box.doubt is doubt
     image = box.picture.pixmap().toImage()
     colors = {image.pixelColor(x, image.height() // 2).name() for x in range(image.width())}
     shown = [tuple(int(name[k : k + 2], 16) for k in (1, 3, 5)) for name in colors]

@@ -405,6 +405,21 @@ def test_contrast_limits_that_were_given_are_told_from_those_that_napari_takes(
     assert limits_chosen(image) is chosen
 
 
+def test_docks_below_leave_the_window_no_taller_than_a_laptops_screen(
+    viewer: Any, panel: Any, piled: Any, qtbot: QtBot
+) -> None:
+    window = compat.native_window(viewer)
+    window.resize(1000, 768)
+    below = Qt.DockWidgetArea.BottomDockWidgetArea
+    for opener in (panel.objects.table_button, panel.slices):
+        press(qtbot, opener.button)
+        qtbot.waitUntil(opener.dock.isVisible, timeout=5000)
+        qtbot.wait(100)
+        assert window.dockWidgetArea(opener.dock.parentWidget()) == below
+        assert window.height() == 768
+        press(qtbot, opener.button)
+
+
 def test_a_closed_dock_does_nothing_and_comes_back_as_it_was(
     slices: Any, viewer: Any, qtbot: QtBot
 ) -> None:

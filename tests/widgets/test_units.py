@@ -1,6 +1,7 @@
 """The unit chosen in step 1 is that of everything told."""
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,9 @@ import pytest
 from napari.layers import Image
 from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
-from qtpy.QtCore import Qt
+from qtpy.QtCore import QLocale, Qt
 from qtpy.QtTest import QTest
+from qtpy.QtWidgets import QApplication, QDoubleSpinBox, QLineEdit
 
 from napari_unpack import io
 from napari_unpack.geometry.length_unit import MICRO, LengthUnit
@@ -23,7 +25,7 @@ from napari_unpack.session.measurements import SurfacePoint
 from napari_unpack.widgets.narrow import SIZED
 from napari_unpack.widgets.object_model import Column
 from napari_unpack.widgets.theme import GAP
-from napari_unpack.widgets.voxel_size import VoxelSize
+from napari_unpack.widgets.voxel_size import VoxelSize, edges_of
 from opened_panel import add_bag, controller_with, rest
 
 ONE, TWO = ("\u2009×\u2009".join(edges) for edges in ("111", "211"))
@@ -188,8 +190,13 @@ def test_the_voxel_size_is_typed_and_is_that_of_the_volume_and_the_labels_on_it(
 
 
 @pytest.mark.parametrize(
-    "text", ["3 1", "3 1 1 1", "0 1 1", "-1 1 1", "1 nan 1", "1 1 nan", "inf 1 1", "a b c"]
-)
+    "text",
+    [
+        "3 1", "3 1 1 1", "0 1 1", "-1 1 1", "1 nan 1", "1 1 nan", "inf 1 1", "a b c",
+        # Two numbers or three; a point or thousands.
+        "2,5 1", "2,5, 1", "1,953 1,953 1,953", "1,000 0.5 0.5", "1,000.5 1 1",
+    ],
+)  # fmt: skip
 def test_a_voxel_size_that_is_none_is_refused_in_a_sentence(
     viewer: Any, panel: Any, text: str
 ) -> None:
@@ -214,6 +221,50 @@ def test_of_voxels_all_that_is_typed_is_taken_for_millimetres(viewer: Any, panel
     _type_size(panel, "3 1 1")
     np.testing.assert_allclose(image.scale, (3, 1, 1))
     assert names.currentText() == "mm"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "0,5 0,25 2", "0,5 × 0,25 × 2", "0,5; 0,25; 2", "0,5, 0,25, 2", "0.5, 0.25, 2",
+        "0.5,0.25,2", "0,500 0,250 2,000", "0,5x0.25x2",
+    ],
+)  # fmt: skip
+def test_a_voxel_size_is_read_with_points_and_with_decimal_commas(text: str) -> None:
+    assert edges_of(text) == (0.5, 0.25, 2.0)
+
+
+@pytest.fixture(params=["de_DE", "ar_EG"])
+def country(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Have the system's numbers be those of a country, until all that counts is made."""
+    QLocale.setDefault(QLocale(request.param))
+    yield
+    QLocale.setDefault(QLocale.c())
+
+
+@pytest.mark.usefixtures("country")
+def test_numbers_have_a_point_whatever_the_systems_are(
+    viewer: Any, panel: Any, expert: Any, qtbot: QtBot
+) -> None:
+    controller_with(panel, qtbot, expert)
+    panel.slices.button.click()
+    boxes = [b for part in (panel, panel.slices.dock) for b in part.findChildren(QDoubleSpinBox)]
+    # The smallest object, the clipping box, and the greys of slices.
+    assert len(boxes) == 1 + 6 + 2
+    for box in boxes:
+        box.setRange(-9.0, 9.0)
+        field = box.findChild(QLineEdit)
+        for text, shown in (("1.5", "1.5"), ("2,5", "2.5"), ("\u0661\u066b\u0665", "1.5")):
+            QApplication.clipboard().setText(text)
+            field.selectAll()
+            field.paste()
+            box.interpretText()
+            assert (box.value(), box.cleanText().rstrip("0")) == (float(shown), shown)
+        for text in ("0.5", "0,5"):
+            field.selectAll()
+            QTest.keyClicks(field, text)
+            box.interpretText()
+            assert box.value() == 0.5
 
 
 def test_a_voxel_size_typed_in_micrometres_is_that_of_a_layer_in_micrometres(

@@ -16,7 +16,7 @@ from napari_unpack.layers import compat
 from napari_unpack.widgets.directions import words_of
 from napari_unpack.widgets.object_columns import Column
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
-from opened_panel import controller_with, press, states
+from opened_panel import controller_with, press, rest, states
 
 Viewers = Callable[..., Any]
 
@@ -66,6 +66,25 @@ def test_unpacking_what_is_blocked_says_who_stands_in_front(
     assert "Shoe cannot leave" in notice.message
     assert "Bottle" in notice.message
     assert set(states(piled).values()) == {"PACKED"}
+
+
+def test_facts_of_an_inspected_object_say_the_names_of_now(
+    panel: UnpackingWidget, piled: Any, qtbot: QtBot
+) -> None:
+    facts = panel.unpack.inspection.facts
+    panel.commands.inspect(1)
+    qtbot.waitUntil(lambda: "touches" in facts.text(), timeout=20000)
+    assert facts.text().startswith("<b>Object 1</b>")
+    assert facts.text().endswith("touches Objects 2 and 3")
+    for object_id, name in ((1, "Camera"), (2, "Hair dryer")):
+        panel.commands.rename(object_id, name)
+    qtbot.waitUntil(lambda: facts.text().startswith("<b>Camera</b>"), timeout=5000)
+    assert facts.text().endswith("touches Hair dryer and Object 3")
+    # After it there is no object whose name could be asked for.
+    panel.commands.leave()
+    panel.commands.rename(3, "Shoe")
+    rest(panel, qtbot)
+    assert not facts.isVisible()
 
 
 def _knot(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> Any:

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from qtpy.QtCore import QSignalBlocker, Qt
-from qtpy.QtWidgets import QDoubleSpinBox, QGridLayout, QSlider, QWidget
+from qtpy.QtWidgets import QGridLayout, QSlider, QWidget
 
 from napari_unpack.widgets.narrow import Check, Choice
 from napari_unpack.widgets.notifications import errors_shown
+from napari_unpack.widgets.number_box import NumberBox
 from napari_unpack.widgets.section import Collapsible, button, column, form, label, row
 from napari_unpack.widgets.theme import GAP
 from napari_unpack.widgets.workspace import Change, Workspace
@@ -256,8 +257,8 @@ def _normal(controller: SessionController, name: str) -> Vector:
     return np.eye(3)[AXES[name]]
 
 
-def _spin_box(axis: str, side: str) -> QDoubleSpinBox:
-    made = QDoubleSpinBox()
+def _spin_box(axis: str, side: str) -> NumberBox:
+    made = NumberBox()
     # Every digit typed would cut anew.
     made.setKeyboardTracking(False)
     limit, beyond = ("First", "before") if side == SIDES[0] else ("Last", "behind")

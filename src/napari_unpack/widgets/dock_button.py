@@ -6,9 +6,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Generic, TypeVar
 
-from qtpy.QtCore import QSignalBlocker, Signal
+from qtpy.QtCore import QSignalBlocker, Qt, Signal
 from qtpy.QtGui import QHideEvent, QShowEvent
-from qtpy.QtWidgets import QPushButton, QWidget
+from qtpy.QtWidgets import QMainWindow, QPushButton, QWidget
 
 from napari_unpack.layers.compat import unwrap
 from napari_unpack.widgets.theme import palette_of, style_sheet
@@ -59,6 +59,12 @@ class DockContents(QWidget):
         """Tell that it is not seen."""
         super().hideEvent(event)
         self.shown.emit(False)
+
+
+def keep_below_low(window: QMainWindow) -> None:
+    """Have docks at the bottom stand beside those at the left, not beneath them."""
+    # Those of napari are tall: beneath them, a dock makes the window taller than a screen.
+    window.setCorner(Qt.Corner.BottomLeftCorner, Qt.DockWidgetArea.LeftDockWidgetArea)
 
 
 D = TypeVar("D", bound=DockContents)

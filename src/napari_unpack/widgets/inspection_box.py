@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from html import escape
 from typing import TYPE_CHECKING
@@ -18,6 +19,7 @@ from napari_unpack.session.quantities import three_digits, volume_words
 from napari_unpack.tasks import Task
 from napari_unpack.viewer.scheduler import Worker
 from napari_unpack.widgets.commands import Commands, objects_in
+from napari_unpack.widgets.kept_keyboard import KeepsKeyboard
 from napari_unpack.widgets.notifications import errors_shown, show_error
 from napari_unpack.widgets.opacity_editor import OpacityEditor, Point, histogram
 from napari_unpack.widgets.section import button, column, form, label, row
@@ -34,7 +36,7 @@ SLOT = "facts of the inspected object"
 APPLY_MS = 40
 
 
-class InspectionBox(QWidget):
+class InspectionBox(KeepsKeyboard, QWidget):
     """Shown while an object is inspected; what is set here leaves the bag as it is.
 
     Parameters
@@ -76,7 +78,8 @@ class InspectionBox(QWidget):
         inspected = next(iter(objects_in(session, ObjectState.INSPECTED)), 0)
         # News come with every flight; only another object is of interest here.
         if inspected == self._inspected:
-            if change is not None and Change.SURROUNDINGS in change:
+            # The unit of lengths is among the surroundings, names are among the states.
+            if change is not None and change & (Change.SURROUNDINGS | Change.STATES):
                 self._describe()
             return
         self._inspected = inspected
@@ -112,9 +115,13 @@ class InspectionBox(QWidget):
 
     def _describe(self) -> None:
         facts, session = self._known, self._workspace.session
-        if facts is not None and session is not None:
-            names = [str(session.objects["name"][i]) for i in facts.neighbours]
-            self.facts.setText(describe(facts, names, session.length_unit))
+        # Facts outlive the inspection.
+        if facts is not None and session is not None and self._inspected:
+            names = session.objects["name"]
+            # Some may have been deleted since.
+            neighbours = [str(names[i]) for i in facts.neighbours if i in names.index]
+            named = replace(facts, name=str(names[self._inspected]))
+            self.facts.setText(describe(named, neighbours, session.length_unit))
 
     def _edit(self, points: list[Point]) -> None:
         self._points = points

@@ -25,6 +25,7 @@ from qtpy.QtWidgets import (
 )
 
 from napari_unpack.viewer.plain_text import literal, show_tip
+from napari_unpack.widgets.kept_keyboard import KeepsKeyboard
 from napari_unpack.widgets.theme import GAP
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ else:
     _Control = object
 
 
-class _Shortened(_Control):
+class _Shortened(KeepsKeyboard, _Control):
     """Of a control: it paints as much of its text as there is room for."""
 
     _grows, _lacking = QSizePolicy.Policy.Preferred, 0
@@ -179,7 +180,7 @@ class Words(QLabel):
         self.setToolTip(literal(text))
 
 
-class Row(QWidget):
+class Row(KeepsKeyboard, QWidget):
     """Widgets side by side that share the width equally, on more lines where one has no room.
 
     Notes

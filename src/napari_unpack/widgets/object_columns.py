@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any
@@ -92,6 +93,12 @@ CHOICES = {Column.EYE: "Shown", Column.SWATCH: "Colour", Column.FLAG: "Flag"}
 def choice_of(column: Column) -> str:
     """Return what a column is called where one chooses columns."""
     return CHOICES.get(column) or TITLES[column][0]
+
+
+def sought(text: str) -> str:
+    """Return a text as searches compare it: capitals are alike, and so are accents."""
+    # An accent is one letter with its own, or a second one behind it, as macOS writes file names.
+    return unicodedata.normalize("NFC", text.casefold())
 
 
 @dataclass(frozen=True)
@@ -186,7 +193,7 @@ class Row:
     def searched(self) -> str:
         """What a search looks in: name, note and flag."""
         words = (self.name, self.note, FLAG_WORDS[self.flag] if self.flag else "")
-        return "\n".join(words).casefold()
+        return sought("\n".join(words))
 
     def text(self, column: Column, units: Units) -> str:
         """Return what a cell shows.

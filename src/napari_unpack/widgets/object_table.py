@@ -39,7 +39,7 @@ from qtpy.QtWidgets import (
 )
 
 from napari_unpack.session.object_state import ObjectState
-from napari_unpack.widgets.object_columns import MARKS, SHORT_TITLES, Column, choice_of
+from napari_unpack.widgets.object_columns import MARKS, SHORT_TITLES, Column, choice_of, sought
 from napari_unpack.widgets.object_model import (
     FLAG,
     ID,
@@ -53,7 +53,7 @@ from napari_unpack.widgets.remembered import ChosenColumns
 
 if TYPE_CHECKING:
     from qtpy.QtCore import QAbstractItemModel, QModelIndex, QObject, QPoint
-    from qtpy.QtGui import QKeyEvent, QResizeEvent
+    from qtpy.QtGui import QKeyEvent, QPaintEvent, QResizeEvent
     from qtpy.QtWidgets import QStyleOptionViewItem
 
 Draw = Callable[[QPainter, QRectF, "QModelIndex", "QStyleOptionViewItem"], None]
@@ -88,6 +88,9 @@ WIDEST = {
     Column.ORDER: "99",
     Column.BLOCKERS: "Objects 10, 11, 12 and 9 others",
 }
+
+# Said where a search or a choice lists no object.
+NO_MATCH = "No object matches."
 
 # Pixels: Qt's own margins of a cell and those of the style sheet.
 PADDING = 15
@@ -126,7 +129,7 @@ class ObjectFilter(QSortFilterProxyModel):
 
     def keep_text(self, text: str) -> None:
         """Keep the objects with a text in their name, note or flag, or with that ID."""
-        self._text = text.strip().casefold()
+        self._text = sought(text.strip())
         self._renew()
 
     def keep_states(self, states: frozenset[ObjectState] | None) -> None:
@@ -443,6 +446,14 @@ class ObjectTable(QTableView):
         """Show as many columns as there is room for, so that nothing is cut off."""
         super().resizeEvent(event)
         self._fit_columns()
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Say so where there are objects and none of them is listed."""
+        super().paintEvent(event)
+        if self.objects.rowCount() and not self.rows.rowCount():
+            room = self.viewport().rect().adjusted(PADDING, PADDING, -PADDING, -PADDING)
+            where = Qt.AlignmentFlag.AlignHCenter | Qt.AlignmentFlag.AlignTop
+            QPainter(self.viewport()).drawText(room, where | Qt.TextFlag.TextWordWrap, NO_MATCH)
 
     def _fit_columns(self) -> None:
         widths, shown, narrow = self._measured({}), self._columns.chosen, False

@@ -17,6 +17,7 @@ from napari_unpack.tasks import Cancelled, Progress, Task
 from napari_unpack.viewer.scheduler import Worker
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.file_names import bag_name
+from napari_unpack.widgets.kept_keyboard import KeepsKeyboard
 from napari_unpack.widgets.preferences import preferences
 from napari_unpack.widgets.section import button, label, row, rule
 from napari_unpack.widgets.theme import GAP
@@ -138,7 +139,7 @@ class RecoveryKeeper(QObject):
             )
 
 
-class RecoveryBar(QWidget):
+class RecoveryBar(KeepsKeyboard, QWidget):
     """Offers the unsaved sessions of processes that have ended, one after another.
 
     Parameters

@@ -16,6 +16,7 @@ from napari_unpack.tasks import Task
 from napari_unpack.viewer.scheduler import Worker
 from napari_unpack.widgets.commands import Commands
 from napari_unpack.widgets.directions import words_of
+from napari_unpack.widgets.kept_keyboard import KeepsKeyboard
 from napari_unpack.widgets.notifications import errors_shown, inform, show_error
 from napari_unpack.widgets.section import button, column, label, row
 from napari_unpack.widgets.workspace import Change, Workspace
@@ -172,7 +173,7 @@ class RevealPlanner(QObject):
         self.found.emit(None)
 
 
-class RevealBox(QWidget):
+class RevealBox(KeepsKeyboard, QWidget):
     """A sentence on what blocks a buried object, and two buttons; shown while that is known."""
 
     def __init__(self, planner: RevealPlanner) -> None:

@@ -85,9 +85,7 @@ class ReviewBox(Collapsible):
         self.toggle.toggled.connect(lambda _: self._ask())
         repair.busy.connect(lambda _: self._enable())
         workspace.switched.connect(self._follow)
-        workspace.changed.connect(
-            lambda change: self._ask() if change & (Change.LABELS | Change.REVIEW) else None
-        )
+        workspace.changed.connect(self._hear)
         self._follow()
 
     @property
@@ -112,6 +110,13 @@ class ReviewBox(Collapsible):
         self._left = []
         self.picture.clear()
         self._ask()
+
+    def _hear(self, change: Change) -> None:
+        if change & (Change.LABELS | Change.REVIEW):
+            self._ask()
+        elif Change.STATES in change and self.doubt is not None:
+            # Names are among them.
+            self._describe(self.doubt)
 
     def _ask(self) -> None:
         """Have the doubts found, where somebody looks at them."""
@@ -139,12 +144,7 @@ class ReviewBox(Collapsible):
             self.picture.clear()
             self.sentence.setText(f"All is reviewed: {done} answered.")
         else:
-            known = [i for i in doubt.objects if i and i in session.label_data.known]
-            names = " and ".join(dict.fromkeys(str(session.objects["name"][i]) for i in known))
-            total = done + len(left)
-            self.sentence.setText(
-                f"<b>{done + 1} of {total}</b> {escape(names)}<br>{QUESTIONS[doubt.kind]}"
-            )
+            self._describe(doubt)
             pixels = round(SIDE * self.devicePixelRatioF())
             self._workspace.scheduler.submit(
                 session.review.picture_task(doubt, pixels),
@@ -153,6 +153,17 @@ class ReviewBox(Collapsible):
                 slot=PICTURE_SLOT,
             )
         self._enable()
+
+    def _describe(self, doubt: Doubt) -> None:
+        session = self._workspace.session
+        if session is not None:
+            done, known = len(session.review.answers), session.label_data.known
+            objects = session.objects["name"]
+            of = dict.fromkeys(str(objects[i]) for i in doubt.objects if i and i in known)
+            self.sentence.setText(
+                f"<b>{done + 1} of {done + len(self._left)}</b> {escape(' and '.join(of))}"
+                f"<br>{QUESTIONS[doubt.kind]}"
+            )
 
     def _show_picture(self, doubt: Doubt, pixels: NDArray[np.uint8]) -> None:
         if doubt is not self.doubt:

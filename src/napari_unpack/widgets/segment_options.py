@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from qtpy.QtCore import Qt
-from qtpy.QtWidgets import QDoubleSpinBox
 
 from napari_unpack.geometry.length_unit import MM, LengthUnit
 from napari_unpack.widgets.narrow import Check, Choice, Field
+from napari_unpack.widgets.number_box import NumberBox
 from napari_unpack.widgets.section import Collapsible, form
 
 # Of `napari_unpack.segment`: mm³, or voxels.
@@ -73,8 +73,8 @@ class SegmentOptions(Collapsible):
             self.noise.setItemData(place, help_text, Qt.ItemDataRole.ToolTipRole)
         self.noise.currentTextChanged.connect(self._explain)
         self._explain()
-        self.smallest = QDoubleSpinBox()
-        self.smallest.setStepType(QDoubleSpinBox.StepType.AdaptiveDecimalStepType)
+        self.smallest = NumberBox()
+        self.smallest.setStepType(NumberBox.StepType.AdaptiveDecimalStepType)
         self.smallest.setSpecialValueText("automatic")
         self._volumes = MM.volume_unit(0.0)
         self.show_unit(MM)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from qtpy.QtCore import QObject
+from qtpy.QtCore import QObject, Qt
 
 from napari_unpack.layers.compat import native_window, unwrap
-from napari_unpack.widgets.dock_button import DockButton
+from napari_unpack.widgets.dock_button import DockButton, keep_below_low
 from napari_unpack.widgets.remembered import remembered
 from napari_unpack.widgets.section import button
 from napari_unpack.widgets.workspace import Workspace
@@ -66,7 +66,12 @@ class SlicesButton(QObject):
         return dock
 
     def _add(self, dock: SlicesDock) -> None:
-        window = unwrap(self._workspace.viewer).window
+        viewer = self._workspace.viewer
+        if (native := native_window(viewer)) is not None:
+            keep_below_low(native)
+            # Slices are tall as well: above them nothing would be left of the panel.
+            native.setCorner(Qt.Corner.BottomRightCorner, Qt.DockWidgetArea.RightDockWidgetArea)
+        window = unwrap(viewer).window
         window.add_dock_widget(dock, name=NAME, area="bottom", add_vertical_stretch=False)
 
     def _remember(self, shown: bool) -> None:

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from qtpy.QtCore import QSignalBlocker, Qt
-from qtpy.QtWidgets import QDoubleSpinBox, QGridLayout, QSlider, QWidget
+from qtpy.QtWidgets import QGridLayout, QSlider, QWidget
 
 from napari_unpack.rendering.slice_image import PLANES
 from napari_unpack.viewer.linked_slices import LinkedSlices
 from napari_unpack.widgets.dock_button import DockContents
+from napari_unpack.widgets.number_box import NumberBox
 from napari_unpack.widgets.remembered import remembered
 from napari_unpack.widgets.section import button, column, form, label, row
 from napari_unpack.widgets.slice_view import AXES, SliceView
@@ -264,8 +265,8 @@ class SlicesDock(DockContents):
         super().hideEvent(event)
 
 
-def _density(tooltip: str) -> QDoubleSpinBox:
-    box = QDoubleSpinBox()
+def _density(tooltip: str) -> NumberBox:
+    box = NumberBox()
     box.setRange(-1e9, 1e9)
     box.setDecimals(1)
     box.setToolTip(tooltip)

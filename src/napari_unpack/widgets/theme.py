@@ -31,9 +31,9 @@ class Palette:
 
     Parameters
     ----------
-    background, raised, line, text, faint, disabled : str
-        CSS colours of the panel, of controls upon it, thin rules, text, text of less weight, and
-        text of what cannot be used.
+    background, raised, line, text, faint, disabled, placeholder : str
+        CSS colours of the panel, of controls upon it, thin rules, text, text of less weight, text
+        of what cannot be used, and what an empty line to type into says.
     accent, accent_hover, on_accent, chosen, warning : str
         The primary button, the same under the mouse, text on it, selected rows, and warnings.
     focus : str
@@ -46,6 +46,7 @@ class Palette:
     text: str
     faint: str
     disabled: str
+    placeholder: str
     accent: str
     accent_hover: str
     on_accent: str
@@ -71,6 +72,8 @@ def palette_of(theme: str) -> Palette:
         text=text.name(),
         faint=_mixed(background, text, 0.7),
         disabled=_mixed(background, text, 0.62),
+        # Upon napari's own fields.
+        placeholder=_mixed(_color(colors.primary), text, 0.75),
         accent=accent.name(),
         accent_hover=accent.darker(112).name(),
         on_accent="#ffffff",
@@ -118,6 +121,7 @@ def style_sheet(palette: Palette) -> str:
     QToolButton[role="link"]:hover {{ color: {p.text}; }}
     QComboBox, QAbstractSpinBox, QLineEdit, QCheckBox, QSlider {{
         border: 1px solid transparent; border-radius: 3px; }}
+    QLineEdit {{ placeholder-text-color: {p.placeholder}; }}
     QAbstractSpinBox {{ min-width: {NUMBERS}px; }}
     QPushButton:focus, QToolButton:focus, QComboBox:focus, QAbstractSpinBox:focus,
     QLineEdit:focus, QCheckBox:focus, QSlider:focus, QTableView:focus {{

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from qtpy.QtCore import Signal
@@ -152,22 +153,30 @@ class VoxelSize(QWidget):
         return LengthUnit(name, 1.0 if self._own.name == "voxels" else self._own.per_mm)
 
 
+# Between numbers; a comma among digits may be within one.
+BETWEEN = re.compile(r"(?:[\s×x;]|,(?!\d)|(?<!\d),)+")
+# A comma here may as well stand for thousands.
+THOUSANDS = re.compile(r"[1-9]\d{0,2},\d{3}")
+
+
 def edges_of(text: str) -> tuple[float, float, float]:
-    """Read the edges of a voxel, z y x.
+    """Read the edges of a voxel, z y x; a comma may stand between them, or for a decimal point.
 
     Raises
     ------
     ValueError
-        If they are not three positive numbers.
+        If they are not three positive numbers, or may be others.
     """
-    parts = re.split(r"[\s×x,;]+", text.strip().lower())
-    try:
-        z, y, x = (float(part) for part in parts)
-        if all(0 < edge < math.inf for edge in (z, y, x)):
+    parts = BETWEEN.split(text.strip().lower())
+    if len(parts) == 1:
+        parts = parts[0].split(",")
+    with_comma = [part for part in parts if "," in part]
+    told = not with_comma or not all(map(THOUSANDS.fullmatch, with_comma))
+    with suppress(ValueError):
+        z, y, x = (float(part.replace(",", ".")) for part in parts)
+        if told and all(0 < edge < math.inf for edge in (z, y, x)):
             return z, y, x
-    except ValueError:
-        # Said below.
-        pass
     raise ValueError(
-        f"a voxel size must be three positive numbers, of z, y and x, as in 3 0.5 0.5; got {text!r}"
+        "a voxel size must be three positive numbers, of z, y and x, with points and spaces as in "
+        f"3 0.5 0.5; got {text!r}"
     )

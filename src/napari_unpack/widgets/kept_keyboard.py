@@ -1,0 +1,37 @@
+"""What has the keyboard keeps it when it is spent, so that the same key acts on nothing else."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from qtpy.QtCore import QEvent
+from qtpy.QtWidgets import QApplication
+
+if TYPE_CHECKING:
+    from qtpy.QtWidgets import QWidget as _Any
+else:
+    # Qt's classes cannot have a second one of Qt beside them.
+    _Any = object
+
+
+class KeepsKeyboard(_Any):
+    """Of a button: disabled or hidden it keeps the keyboard.
+
+    Keys then do nothing there; Tab goes on from there. A box that comes and goes, and all between
+    it and its buttons, must be such too.
+    """
+
+    def focusNextPrevChild(self, onwards: bool) -> bool:
+        """Give the keyboard to the next widget, or to the one before."""
+        # Of what cannot be used, Qt asks this to hand the keyboard on unasked.
+        spent = not (self.isEnabled() and self.isVisible())
+        if spent and isinstance(QApplication.focusWidget(), KeepsKeyboard):
+            return True
+        return bool(super().focusNextPrevChild(onwards))
+
+    def event(self, event: QEvent) -> bool:
+        """Leave the keys to those around while it is not to be seen."""
+        # As Qt does where a widget is disabled.
+        if event.type() == QEvent.Type.KeyPress and not self.isVisible():
+            return False
+        return bool(super().event(event))
