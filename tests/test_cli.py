@@ -27,6 +27,7 @@ from napari_unpack.io import (
 from napari_unpack.io.headless import open_scan
 from napari_unpack.io.ome_zarr import write_labels_zarr
 from napari_unpack.segmentation.confidence.oracle import default_oracle
+from napari_unpack.session.framing import fitted
 from napari_unpack.session.measurements import SurfacePoint
 
 
@@ -138,6 +139,17 @@ def test_render_writes_a_picture_with_every_object(bag: Path) -> None:
     assert picture.shape == (90, 120, 4)
     assert (picture[..., 3] == 255).all()
     assert (picture[..., :3].max(-1) > 90).sum() > 300
+
+
+def test_a_picture_of_a_saved_session_shows_all_that_its_wide_window_did(bag: Path) -> None:
+    session = open_scan(load_volume(bag), (1.0, 0.0, 0.0), "+x", backend="cpu")
+    session.canvas_size = (90, 270)
+    session.unpack(2)
+    session.look(fitted(session))
+    saved, out = nu.save_session(session, bag.with_name("wide.unpack")), bag.with_name("seen.png")
+    assert run("render", saved, out, "--size", 90, 90, "--backend", "cpu").exit_code == 0
+    seen = (iio.imread(out)[..., :3].max(-1) > 90).any(0)
+    assert (np.diff(seen).sum(), seen[0], seen[-1]) == (6, False, False)
 
 
 def test_movie_writes_a_film(bag: Path) -> None:

@@ -80,8 +80,7 @@ def run_line(line: str) -> None:
         assert done.exit_code == 0, f"{line}\n{done.output}\n{done.exception!r}"
     elif words[0] == "make":
         # `make dist` and the tests themselves run these.
-        targets = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)
-        assert [word for word in words[1:] if "=" not in word and word not in targets] == []
+        assert unknown_targets(words[1:]) == []
     elif words[:2] == ["pip", "install"]:
         # `make dist` installs; here that each extra is one of ours.
         extras = re.findall(r"\[([\w,-]+)\]", line)
@@ -92,6 +91,25 @@ def run_line(line: str) -> None:
     else:
         # Tests among tests; another test looks whether they are there.
         assert words[0] in ("napari", "bash", ".venv/bin/python"), line
+
+
+def unknown_targets(words: list[str]) -> list[str]:
+    """Return which words after `make` are no targets of the Makefile."""
+    targets = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)
+    return [word for word in words if "=" not in word and word not in targets]
+
+
+def test_make_in_sentences_names_what_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(ROOT)
+    from benchmarks.rows import ORDER
+
+    told = "".join(FENCED.sub("", page.read_text("utf-8")) for page in PAGES)
+    commands = [shlex.split(command) for command in re.findall(r"`make ([^`]+)`", told)]
+    assert len(commands) > 30
+    assert [words for words in commands if unknown_targets(words)] == []
+    rows = [word[5:].split() for words in commands for word in words if word.startswith("ROWS=")]
+    asked = {row for some in rows for row in some}
+    assert {row for row in asked if not any(row in name for name in ORDER)} == set()
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())

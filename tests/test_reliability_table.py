@@ -1,10 +1,11 @@
 """Every test that docs/reliability.md names is there."""
 
 import ast
+import re
 
 import pytest
 
-from reliability_table import TableRow, table
+from reliability_table import TableRow, counted, table
 
 
 def test_the_table_has_a_row_for_each_class_of_fault() -> None:
@@ -24,3 +25,12 @@ def test_the_tests_of_a_row_are_there(row: TableRow) -> None:
             if isinstance(node, ast.FunctionDef)
         }
         assert not function or function in functions, f"{path.name} has no {function}"
+
+
+def test_rows_whose_cases_are_tests_have_as_many_as_pytest_finds() -> None:
+    counting = ("numbers of a session", "DICOM that", "DICOM: gaps")
+    rows = [row for row in table() if row.fault.startswith(counting)]
+    found = counted({path for row in rows for path, _ in row.tests})
+    told = {row.fault: int(re.findall(r"\d+", row.cases)[0]) for row in rows}
+    assert told == {row.fault: sum(found[test] for test in row.tests) for row in rows}
+    assert len(told) == len(counting)

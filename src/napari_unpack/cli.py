@@ -329,6 +329,7 @@ def _render(
     from napari_unpack.io.session_archive import holds_session
     from napari_unpack.memory import check_picture
     from napari_unpack.rendering.compose import scene_image
+    from napari_unpack.session.framing import contained
 
     check_output(output, (".png",), source, labels, picture_file(background))
     check_picture(size)
@@ -336,8 +337,12 @@ def _render(
     session = open_input(source, labels, direction, view, backend, at, large)
     if decorated is not None:
         session.decorations = decorated
-    # A saved session shows what its user saw; a plain volume is framed to show all slots.
-    camera = session.camera if holds_session(source) else frame_bag(session, size)
+    # A saved session shows what its user saw, whatever the picture's shape; a plain volume is
+    # framed to show all slots.
+    if holds_session(source):
+        camera = contained(session.camera, session.canvas_size, size)
+    else:
+        camera = frame_bag(session, size)
     for _ in unpack_in_order(session, unpacked) if unpacked else ():
         pass
     typer.echo(

@@ -5,10 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import zarr
 
 import napari_unpack
 from napari_unpack.io import Scan, save_scan
-from napari_unpack.io.napari_reader import get_reader
+from napari_unpack.io.napari_reader import get_reader, read_layers
+from napari_unpack.io.ome_zarr import write_labels_zarr
 
 VOLUME = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
 
@@ -36,6 +38,40 @@ def test_labels_alone_become_labels(tmp_path: Path) -> None:
     with pytest.warns(UserWarning, match=r"atlas.npz: it gives no voxel size: 1 mm was assumed"):
         ((data, about, kind),) = reader([str(path)])
     assert (data.shape, about["name"], kind) == ((3, 4, 5), "atlas", "labels")
+
+
+def test_a_label_image_of_zarr_becomes_labels(tmp_path: Path) -> None:
+    path = tmp_path / "found.zarr"
+    write_labels_zarr(path, VOLUME.astype(np.int32), (3.0, 2.0, 1.0))
+    ((data, about, kind),) = read_layers(str(path))
+    np.testing.assert_array_equal(data, VOLUME)
+    assert (about["name"], about["scale"], kind) == ("found", (3.0, 2.0, 1.0), "labels")
+
+
+def test_a_label_image_that_does_not_fit_the_memory_becomes_labels_of_all_levels(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, labels = tmp_path / "found.zarr", np.ones((256, 4, 4), np.int32)
+    write_labels_zarr(path, labels, (1.0, 1.0, 1.0))
+    monkeypatch.setattr("napari_unpack.file_sizes.free_memory", lambda: labels.nbytes)
+    ((levels, about, kind),) = read_layers(str(path))
+    assert [level.shape for level in levels] == [(256, 4, 4), (128, 2, 2)]
+    assert (about["name"], about["multiscale"], kind) == ("found", True, "labels")
+
+
+def test_several_time_points_of_labels_keep_their_axis(tmp_path: Path) -> None:
+    path = tmp_path / "cells.zarr"
+    node = zarr.open_group(str(path), mode="w", zarr_format=2)
+    stack = np.stack([VOLUME, VOLUME + 1])
+    node.create_array("0", shape=stack.shape, dtype=stack.dtype)[...] = stack
+    axes = [{"name": "t"}, *({"name": axis, "unit": "millimeter"} for axis in "zyx")]
+    steps = [{"type": "scale", "scale": [1.0, 3.0, 2.0, 1.0]}]
+    levels = [{"path": "0", "coordinateTransformations": steps}]
+    node.attrs["multiscales"] = [{"version": "0.4", "axes": axes, "datasets": levels}]
+    node.attrs["image-label"] = {"version": "0.4"}
+    ((data, about, kind),) = read_layers(str(path))
+    np.testing.assert_array_equal(data, stack)
+    assert (about["axis_labels"], kind) == (("t", "z", "y", "x"), "labels")
 
 
 def test_foreign_files_are_left_to_others(tmp_path: Path) -> None:

@@ -172,6 +172,7 @@ def test_inspect_is_also_the_way_back(panel: UnpackingWidget, piled: Any, qtbot:
     press(qtbot, panel.unpack.inspect)
     assert states(piled)[out] == "INSPECTED"
     qtbot.waitUntil(lambda: panel.unpack.inspect.text() == "Back to the bag", timeout=20000)
+    assert panel.unpack.sentence.text().startswith("One object alone: a drag")
     assert not panel.unpack.next.isEnabled()
     press(qtbot, panel.unpack.inspect)
     qtbot.waitUntil(lambda: states(piled)[out] == "UNPACKED", timeout=10000)
@@ -181,6 +182,7 @@ def test_inspect_is_also_the_way_back(panel: UnpackingWidget, piled: Any, qtbot:
     panel.commands.inspect(next(i for i, state in states(piled).items() if state == "PACKED"))
     qtbot.waitUntil(lambda: panel.unpack.inspect.text() == "Back to the bag", timeout=20000)
     assert panel.unpack.status == "5 in, 1 out"
+    assert panel.unpack.sentence.text().startswith("One object in the bag: a drag")
     assert panel.unpack.step_slider.slider.maximum() == steps
 
 

@@ -42,12 +42,12 @@ def get_reader(path: str | Sequence[str]) -> Callable[[Any], list[LayerData]] | 
 def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerData]:
     """Read a file into napari layers: an Image, and Labels where there are any.
 
-    With `scale` and `units` in mm. A multiscale OME-Zarr whose finest level does not fit into
-    memory becomes layers of all its levels, which are not read; of those the panel unpacks the
-    finest that does. Several channels or time points stay axes in front of z, y, x,
-    from which the panel lets one be chosen. Names of objects become the labels' `features`. What
-    had to be assumed of the file is a warning, which napari shows, and in `metadata["assumed"]`;
-    `metadata["scanner_from_scan"]` is as in a `Scan`.
+    With `scale` and `units` in mm. An OME-Zarr label image becomes Labels alone. A multiscale
+    OME-Zarr whose finest level does not fit into memory becomes layers of all its levels, which are
+    not read; of those the panel unpacks the finest that does. Several channels or time points stay
+    axes in front of z, y, x, from which the panel lets one be chosen. Names of objects become the
+    labels' `features`. What had to be assumed of the file is a warning, which napari shows, and in
+    `metadata["assumed"]`; `metadata["scanner_from_scan"]` is as in a `Scan`.
 
     Parameters
     ----------
@@ -62,6 +62,7 @@ def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerDat
     """
     from napari_unpack.io.arrays import read_names
     from napari_unpack.io.label_names import is_segmentation, load_label_names, names_of_labels
+    from napari_unpack.io.ome_zarr import is_label_image
     from napari_unpack.io.volumes import read_file, stem_of, suffix_of
 
     first = Path(path if isinstance(path, str) else path[0])
@@ -79,13 +80,14 @@ def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerDat
         # Voxels of 3D Slicer's segmentations are labels, which the header names.
         found = replace(found, volume=None, labels=found.volume)
         names = names_of_labels(load_label_names(first))
+    elif _is_zarr(first) and is_label_image(first):
+        found = replace(found, volume=None, labels=found.volume)
     layers: list[LayerData] = []
     if found.volume is not None:
         layers.append((found.volume, _attributes(found, name) | {"colormap": "gray"}, "image"))
     if found.labels is not None:
-        # Labels alone are a file too, such as corrected ones.
         named = {"features": _features(names)} if names else {}
-        about = _attributes(replace(found, axes=SPACE), f"{name} labels" if layers else name)
+        about = _label_attributes(found, name, bool(layers))
         layers.append((found.labels, about | named, "labels"))
     return layers
 
@@ -102,11 +104,13 @@ def _stored_layers(path: Path, name: str) -> list[LayerData]:
     if stored is None:
         return []
     _tell_assumed(path, stored.described)
-    about = _attributes(stored.described, name) | {"multiscale": True}
-    layers: list[LayerData] = [(stored.image, about | {"colormap": "gray"}, "image")]
+    layers: list[LayerData] = []
+    if stored.image:
+        about = _attributes(stored.described, name) | {"multiscale": True}
+        layers.append((stored.image, about | {"colormap": "gray"}, "image"))
     if stored.labels:
-        about = _attributes(replace(stored.described, axes=SPACE), f"{name} labels")
-        layers.append((stored.labels, about | {"multiscale": True}, "labels"))
+        about = _label_attributes(stored.described, name, bool(layers)) | {"multiscale": True}
+        layers.append((stored.labels, about, "labels"))
     return layers
 
 
@@ -127,6 +131,14 @@ def _attributes(found: FileData, name: str) -> dict[str, Any]:
             "scanner_from_scan": found.scanner_from_scan,
         },
     }
+
+
+def _label_attributes(found: FileData, name: str, beside_image: bool) -> dict[str, Any]:
+    if beside_image:
+        # Labels of a volume have no other axes, whatever the volume has.
+        return _attributes(replace(found, axes=SPACE), f"{name} labels")
+    # Labels alone are a file too, such as corrected ones.
+    return _attributes(found, name)
 
 
 def _features(names: Mapping[int, str]) -> dict[str, list[Any]]:

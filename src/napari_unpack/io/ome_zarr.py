@@ -72,7 +72,7 @@ class StoredLevels:
     described : FileData
         What is said of it; it holds no volume.
     image, labels : list of dask array
-        Their levels, the finest first; empty where there are no labels.
+        Their levels, the finest first; empty where there are none. Of a label image labels alone.
     """
 
     described: FileData
@@ -101,6 +101,8 @@ def stored_levels(path: Path) -> StoredLevels | None:
     image = _levels(node)
     if len(image) < 2 or not described.axes.endswith(SPACE):
         return None
+    if _says_labels(node):
+        return StoredLevels(described, [], image)
     names = list(_label_names(node))
     labels = _levels(node["labels"][names[0]]) if names else []
     finest = image[0].shape[-len(SPACE) :]
@@ -263,9 +265,13 @@ def is_label_image(path: Path) -> bool:
     Any other Zarr may be a scan, and the only copy of it.
     """
     try:
-        return "image-label" in _attributes(_opened(path))
+        return _says_labels(_opened(path))
     except ValueError:
         return False
+
+
+def _says_labels(node: Any) -> bool:
+    return "image-label" in _attributes(node)
 
 
 def _opened(path: Path) -> Any:

@@ -373,7 +373,7 @@ def _read_undone(
     for k, _ in enumerate(fields.items("ahead")):
         departure = Fields({"ahead": fields["ahead"][k]}, f"session.situation.ahead[{k}]")
         placements = dict(_read_placement(part, known, slots) for part in departure.parts("ahead"))
-        # Redo would take an object out twice.
+        # `go_to` would take an object out twice.
         if seen.intersection(placements):
             raise ValueError("session.situation.ahead must name nobody who is out already")
         seen.update(placements)

@@ -46,7 +46,8 @@ class BackgroundOptions(Collapsible):
     def __init__(self, workspace: Workspace, commands: Commands) -> None:
         super().__init__(
             "Background, box, scale and names",
-            "What is behind and around the bag, here and in exported pictures and movies.",
+            "What is behind and around the bag, here and in exported pictures and movies; names "
+            "are shown here alone.",
         )
         self._workspace, self._settings = workspace, commands.settings
         self.background = Choice(*NAMED, NAPARIS, COLOR, IMAGE)

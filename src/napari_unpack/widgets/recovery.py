@@ -27,7 +27,7 @@ from napari_unpack.widgets.workspace import Change, Workspace
 if TYPE_CHECKING:
     from napari_unpack.session import Session
 
-# All that changes in a second is written once; with the writing it is on disk within two.
+# All that changes in a second is written once; a large bag takes some seconds to write.
 KEEP_MS = 1000
 
 # A full disk is no emptier a second later, and arrays take long to write in vain.

@@ -47,7 +47,10 @@ DRAWING = (
 )
 
 # Of one button, both ways.
-INSPECT_HELP = "Show one object alone: the selected one, or the last unpacked (I)."
+INSPECT_HELP = (
+    "Look at one object, the selected one or the last unpacked (I): a sprite alone, an object in "
+    "the bag where it lies."
+)
 LEAVE_HELP = "Put the object back where it was, and show the bag (I or Escape)."
 
 
@@ -346,15 +349,18 @@ class UnpackSection(Section):
             self.use_best.setText(f"Use that direction ({len(self._best.ids)} unpackable)")
         self.sentence.setText("")
         if session is not None:
-            self.sentence.setText(self._sentence(session, packed, out, flying, inspected))
+            told = self._sentence(session, packed, out, flying, inspected, lying)
+            self.sentence.setText(told)
             self._show_direction(session)
         self.reveal_box.refresh(session)
 
     def _sentence(
-        self, session: Session, packed: int, out: int, flying: int, inspected: bool
+        self, session: Session, packed: int, out: int, flying: int, inspected: bool, lying: int
     ) -> str:
         if self.draw.isChecked():
             return DRAWING
+        if lying:
+            return "One object in the bag: a drag or Shift+arrows go round it; Escape goes back."
         if inspected:
             return "One object alone: a drag or Shift+arrows turn it; Escape goes back to the bag."
         if flying:
