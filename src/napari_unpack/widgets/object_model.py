@@ -376,10 +376,10 @@ def _rows_of(session: Session, before: Mapping[int, Row]) -> list[Row]:
 
     def row(i: int, volume: float, density: float, confidence: float) -> Row:
         # One NaN for all: what is not known is no change from what was not.
-        known = {"volume": volume, "density": density, "confidence": confidence}
-        known = {key: math.nan if math.isnan(value) else value for key, value in known.items()}
-        old = before.get(i)
-        return old.changed(**known) if old else Row(i, int(session.label_of(i)), **known)
+        density, confidence = (math.nan if math.isnan(x) else x for x in (density, confidence))
+        if (old := before.get(i)) is not None:
+            return old.changed(volume=volume, density=density, confidence=confidence)
+        return Row(i, int(session.label_of(i)), volume, density, confidence)
 
     return [
         row(i, volume, density, confidence)

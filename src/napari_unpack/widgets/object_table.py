@@ -134,7 +134,7 @@ class ObjectFilter(QSortFilterProxyModel):
         """
         self._sorted.sort(column, order)
 
-    def around_moves(self, before: Callable[[], None], after: Callable[[], None]) -> None:
+    def around_moves(self, before: Callable[[], object], after: Callable[[], object]) -> None:
         """Call something before and after rows are moved to another order.
 
         Parameters
