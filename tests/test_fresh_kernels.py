@@ -1,4 +1,4 @@
-"""No compiled kernel outlives an edit of what it inlines from another module."""
+"""No kernel outlives an edit of what it inlines; where none can be kept, all works as ever."""
 
 import os
 import subprocess
@@ -91,3 +91,43 @@ def test_what_was_compiled_between_an_edit_and_its_undoing_goes(room):
     write(room / "amount.py", "TIMES = 2\n", now + 3)
     freshen(room)
     assert answer(room) == 42
+
+
+TWO_KERNELS = """
+from napari_unpack.kernels import njit
+
+@njit(cache=True)
+def once(n):
+    return n + 1
+
+@njit(cache=True)
+def twice(n):
+    return once(once(n))
+"""
+
+
+def told_by(code, **options):
+    return subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, **options
+    )
+
+
+def test_on_a_full_disk_kernels_are_compiled_and_not_kept(tmp_path):
+    (tmp_path / "two_kernels.py").write_text(TWO_KERNELS)
+    # As on a full disk, no file takes a byte.
+    full = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0)); "
+    told = told_by(full + "from two_kernels import twice; print(twice(40))", cwd=tmp_path)
+    assert told.stdout == "42\n", told.stderr
+    assert told.stderr.count("Compiled code is not kept") == 1
+    assert "NUMBA_CACHE_DIR" in told.stderr
+    # With room they are, by numba's own rules.
+    told = told_by("from two_kernels import twice; print(twice(40))", cwd=tmp_path)
+    assert (told.stdout, told.stderr) == ("42\n", "")
+    assert len(list((tmp_path / "__pycache__").glob("two_kernels.*.nbc"))) == 2
+
+
+def test_where_no_folder_takes_kernels_they_are_compiled_all_the_same():
+    # For what stands in no file numba has no folder, as where code and home are read-only.
+    told = told_by(TWO_KERNELS + "print(twice(40))")
+    assert told.stdout == "42\n", told.stderr
+    assert told.stderr.count("Compiled code is not kept") == 1

@@ -96,9 +96,11 @@ def check_space(path: str | Path, size: int) -> None:
     folder = Path(os.path.realpath(path)).parent
     free = shutil.disk_usage(folder).free
     if size > free:
+        # Both in one unit: what is free is less.
+        unit, name = (1e6, "MB") if size >= 1e6 else (1e3, "kB")
         raise OSError(
-            f"{Path(path).name} needs about {size / 1e6:,.0f} MB, but {folder} has "
-            f"{free / 1e6:,.0f} MB free: free some, or choose another folder"
+            f"{Path(path).name} needs about {size / unit:,.0f} {name}, but {folder} has "
+            f"{free / unit:,.0f} {name} free: free some, or choose another folder"
         )
 
 
@@ -178,10 +180,11 @@ def drafted(path: str | Path) -> Iterator[Path]:
     home = Path(tempfile.gettempdir())
     _sweep(home)
     folder = home / _own_name()
-    folder.mkdir(0o700)
     draft = folder / target.name
     try:
-        with _failure_told(target):
+        # It is this folder that is full, and the target's may have room.
+        with _failure_told(target, f" in {home}, the folder for temporary files"):
+            folder.mkdir(0o700)
             yield draft
         try:
             with written_atomically(target) as temporary:
@@ -300,7 +303,7 @@ def _aside(path: Path) -> Path:
 
 
 @contextmanager
-def _failure_told(target: Path) -> Iterator[None]:
+def _failure_told(target: Path, where: str = "") -> Iterator[None]:
     """Have errors of the system say which file they meant, and what became of the old one."""
     try:
         yield
@@ -311,7 +314,7 @@ def _failure_told(target: Path) -> Iterator[None]:
         # Libraries write pages. Of a file in a folder that vanishes, the reason is the folder's.
         known = error.reason if isinstance(error, _NotWrittenError) else None
         reason = known or " ".join(str(error.strerror or error).split())
-        raise _NotWrittenError(target, reason, error.errno) from error
+        raise _NotWrittenError(target, reason + where, error.errno) from error
 
 
 class _NotWrittenError(OSError):

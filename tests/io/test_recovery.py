@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -99,6 +102,40 @@ def test_cancelled_in_the_middle_the_state_before_is_what_comes_back(tmp_path: P
         copy.keep(session, "bag", None, full)
     copy.close()
     assert record_of(nu.open_session(only(tmp_path).session)) == before
+
+
+def full_while_the_manifest_is_written(
+    copy: UnsavedCopy, session: nu.Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(recovery, "written_atomically", full_disk)
+        with pytest.raises(OSError, match="No space left"):
+            copy.keep(session, "bag", None, quiet)
+
+
+@contextmanager
+def full_disk(_path: Path) -> Iterator[Path]:
+    raise OSError(errno.ENOSPC, "No space left on device")
+    yield
+
+
+def test_a_state_whose_manifest_failed_leaves_no_earlier_one_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = bag()
+    copy = kept(tmp_path, session)
+    session.merge([1, 2])
+    full_while_the_manifest_is_written(copy, session, monkeypatch)
+    copy.keep(session, "bag", None, quiet)
+    assert len(list(tmp_path.glob("*/*/labels.npz"))) == 1
+    session.merge([3, 4])
+    full_while_the_manifest_is_written(copy, session, monkeypatch)
+    # Saved elsewhere: no state may be offered, nor the scan stay on the disk.
+    copy.forget()
+    assert len(list(tmp_path.glob("*/*/labels.npz"))) == 1
+    copy.close()
+    assert leftovers(tmp_path) == []
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_what_is_saved_or_ended_is_not_offered(tmp_path: Path) -> None:

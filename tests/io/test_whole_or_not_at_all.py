@@ -12,6 +12,7 @@ import sys
 import tempfile
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import imageio.v3 as iio
@@ -149,6 +150,38 @@ def test_a_folder_that_is_missing_or_full_is_told_before_the_work(tmp_path: Path
     with pytest.raises(OSError, match=r"needs about .* MB, but .* has .* MB free"):
         check_space(tmp_path / "a.npz", 10**18)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_less_than_a_megabyte_is_told_in_kilobytes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=12_000))
+    with pytest.raises(OSError, match=r"needs about 340 kB, but \S+ has 12 kB free"):
+        check_space(tmp_path / "a.npz", 340_000)
+
+
+def test_a_film_says_that_the_folder_for_temporary_files_is_full(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    temporary, there = tmp_path / "temporary", tmp_path / "there"
+    temporary.mkdir()
+    there.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    # As ffmpeg ends on a full disk, where its own words find no room.
+    encoder = tmp_path / "ffmpeg"
+    encoder.write_text(f"#!/bin/sh\ncat > /dev/null\nexit {256 - errno.ENOSPC}\n")
+    encoder.chmod(0o755)
+    monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(encoder))
+
+    def film() -> None:
+        with movie_writer(there / "bag.mp4", (32, 48), 10) as write:
+            write(np.zeros((32, 48, 3), np.uint8))
+
+    where = f"No space left on device in {re.escape(str(temporary))}, the folder for temporary"
+    with pytest.raises(OSError, match=f"could not be written: {where} files; what was there"):
+        film()
+    assert not any(there.iterdir())
+    assert not any(temporary.iterdir())
 
 
 def test_a_finished_film_that_cannot_take_its_place_stays_elsewhere_and_says_where(

@@ -130,3 +130,7 @@ def test_who_is_free_among_those_left_is_what_a_search_by_hand_finds(seed, densi
     }
     assert whole.among(left).unpackable_groups() == sorted(wanted, key=lambda g: (len(g), g))
     assert whole.among(ids).among(left).unpackable_groups() == whole.among(left).unpackable_groups()
+    # Without an order of all, and of those that were asked about.
+    asked = {i for i in left if rng.random() < 0.4}
+    circles = [group for group in whole.among(left).removals(left) if asked.intersection(group)]
+    assert whole.among(left).interlocked(asked) == sorted(circles, key=lambda g: (len(g), g))

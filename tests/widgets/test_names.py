@@ -1,9 +1,12 @@
 """Names in the picture: beside sprites, switched and remembered, and under the mouse."""
 
+import errno
 from itertools import combinations
 from typing import Any
 
 import numpy as np
+from napari.settings import get_plugin_settings
+from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
 from qtpy.QtWidgets import QToolTip
@@ -75,6 +78,29 @@ def test_names_stand_beside_sprites_and_under_the_mouse(
         assert QToolTip.text().endswith("cm³")
     move(widget, QPoint(3, 3))
     qtbot.waitUntil(lambda: not QToolTip.isVisible(), timeout=5000)
+
+
+def test_names_are_shown_also_where_settings_cannot_be_kept(
+    panel: Any, piled: Any, viewer: Any, qtbot: QtBot, request: Any
+) -> None:
+    stored, notices = get_plugin_settings("napari-unpack").drawing, []
+
+    def full(_event: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    def noticed(notice: Any) -> None:
+        notices.append(notice.message)
+
+    stored.events.names.connect(full)
+    notification_manager.notification_ready.connect(noticed)
+    request.addfinalizer(lambda: notification_manager.notification_ready.disconnect(noticed))
+    request.addfinalizer(lambda: setattr(stored, "names", False))
+    request.addfinalizer(lambda: stored.events.names.disconnect(full))
+    box, names = panel.color.background.names, panel.workspace.controller.names
+    for shown in (not names.shown, names.shown, not names.shown):
+        box.setChecked(shown)
+        assert names.shown is shown
+    assert notices == ["Not remembered for the next start: No space left on device."]
 
 
 def test_quantities_have_the_unit_that_can_be_read() -> None:

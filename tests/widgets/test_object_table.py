@@ -1,7 +1,9 @@
 """The table of objects: what it shows, how it sorts, filters, selects and answers clicks."""
 
 import unicodedata
+from collections.abc import Callable
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -424,3 +426,131 @@ def test_nothing_is_cut_off_in_any_font(qtbot: QtBot, table: ObjectTable, points
     assert (
         table.columnWidth(Column.STATE) >= table.fontMetrics().horizontalAdvance("in the bag") + 15
     )
+
+
+def _many(qtbot: QtBot, count: int) -> tuple[ObjectTable, SimpleNamespace]:
+    ids = tuple(range(1, count + 1))
+    session = _session(tuple(f"Object {i}" for i in ids), ids)
+    model = ObjectModel(session.rename)
+    model.load(session)
+    table = ObjectTable(model)
+    qtbot.addWidget(table)
+    return table, session
+
+
+def test_the_sorted_rows_keep_qts_rules(qtmodeltester: ModelTester, table: ObjectTable) -> None:
+    table.sortByColumn(Column.VOLUME, Qt.SortOrder.DescendingOrder)
+    qtmodeltester.check(table.rows.sourceModel())
+
+
+def test_rows_that_are_alike_stay_in_the_order_of_their_ids_up_and_down(qtbot: QtBot) -> None:
+    table, session = _many(qtbot, 6)
+    for i in (2, 5):
+        session.states[i] = ObjectState.HIDDEN
+    table.objects.refresh()
+    for order, words in (
+        (Qt.SortOrder.AscendingOrder, ["2", "5", "1", "3", "4", "6"]),
+        (Qt.SortOrder.DescendingOrder, ["1", "3", "4", "6", "2", "5"]),
+    ):
+        table.sortByColumn(Column.STATE, order)
+        assert _shown(table, Column.NAME) == [f"Object {word}" for word in words]
+
+
+def test_the_order_follows_what_changes_and_takes_the_selection_along(
+    table: ObjectTable, session: SimpleNamespace
+) -> None:
+    assert _shown(table, Column.NAME) == ["Object 2", "Object 10", "Shoe"]
+    table.selectRow(2)
+    current = table.currentIndex().data(ID)
+    session.rename(5, "A shoe")
+    table.objects.refresh()
+    assert _shown(table, Column.NAME) == ["A shoe", "Object 2", "Object 10"]
+    assert table.selected_ids() == [5] == [current]
+    assert table.currentIndex().row() == 0
+    # Another order of columns that are not sorted by moves nothing.
+    table.rows.keep_text("object")
+    session.rename(8, "Object 11")
+    table.objects.refresh()
+    assert _shown(table, Column.NAME) == ["Object 10", "Object 11"]
+    table.rows.keep_text("")
+    table.objects.load(session)
+    assert _shown(table, Column.NAME) == ["A shoe", "Object 10", "Object 11"]
+
+
+def test_two_tables_of_one_model_have_an_order_each(
+    table: ObjectTable, session: SimpleNamespace, qtbot: QtBot
+) -> None:
+    other = ObjectTable(table.objects, "another")
+    qtbot.addWidget(other)
+    other.sortByColumn(Column.VOLUME, Qt.SortOrder.AscendingOrder)
+    assert _shown(other, Column.NAME) == ["Object 10", "Shoe", "Object 2"]
+    assert _shown(table, Column.NAME) == ["Object 2", "Object 10", "Shoe"]
+
+
+def test_sorting_loading_and_searching_ask_for_a_row_a_few_times(
+    qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table, session = _many(qtbot, 1000)
+    asked: list[str] = []
+    for name in ("rowCount", "columnCount", "index", "data"):
+        monkeypatch.setattr(ObjectModel, name, _counting(getattr(ObjectModel, name), name, asked))
+
+    def count(act: Callable[[], object]) -> float:
+        asked.clear()
+        act()
+        return len(asked) / 1000
+
+    # To compare rows in Qt took some fifty calls a row.
+    order = Qt.SortOrder.DescendingOrder
+    assert count(lambda: table.sortByColumn(Column.VOLUME, order)) < 3
+    assert count(lambda: table.objects.load(session)) < 3
+    assert count(lambda: table.rows.keep_text("12")) < 3
+    assert count(lambda: table.rows.keep_text("")) < 3
+
+
+def test_a_change_of_many_rows_is_told_once_and_other_rows_are_not_made_anew(
+    qtbot: QtBot,
+) -> None:
+    table, session = _many(qtbot, 1000)
+    model = table.objects
+    told: list[tuple[int, ...]] = []
+    model.dataChanged.connect(lambda a, b: told.append((a.row(), b.row(), a.column(), b.column())))
+    before = [model.row_at(k) for k in range(1000)]
+    for i in range(11, 900, 2):
+        session.states[i] = ObjectState.HIDDEN
+    model.refresh()
+    assert told == [(10, 898, Column.EYE, Column.NOTE)]
+    session.hues.update(dict.fromkeys(range(1, 1001), 0.3))
+    model.refresh()
+    assert told[1:] == [(0, 999, Column.SWATCH, Column.SWATCH)]
+    # A repair that gives one object another volume makes one row anew.
+    before = [model.row_at(k) for k in range(1000)]
+    session.objects.loc[7, "volume_mm3"] = 5.0
+    model.load(session)
+    assert [k for k in range(1000) if model.row_at(k) is not before[k]] == [6]
+    assert model.row_at(6).volume == 5.0
+
+
+def test_many_selected_rows_are_sorted_without_a_look_at_each_cell(
+    qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table, _ = _many(qtbot, 1000)
+    told: list[object] = []
+    table.ids_selected.connect(told.append)
+    wanted = frozenset({3, 4, 5, *range(10, 1000)})
+    table.show_selection(wanted)
+    asked: list[str] = []
+    for name in ("rowCount", "columnCount", "index", "data", "flags"):
+        monkeypatch.setattr(ObjectModel, name, _counting(getattr(ObjectModel, name), name, asked))
+    table.sortByColumn(Column.VOLUME, Qt.SortOrder.DescendingOrder)
+    assert len(asked) < 8 * 1000
+    assert table.selected_ids() == sorted(wanted, reverse=True)
+    assert told == []
+
+
+def _counting(method: Callable[..., Any], name: str, asked: list[str]) -> Callable[..., Any]:
+    def counted(self: ObjectModel, *args: object) -> object:
+        asked.append(name)
+        return method(self, *args)
+
+    return counted

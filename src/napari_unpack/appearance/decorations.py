@@ -8,7 +8,6 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from napari_unpack.appearance.background import Background, Color
@@ -16,6 +15,7 @@ from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.boxes import box_corners
 from napari_unpack.geometry.length_unit import MICRO, MM, LengthUnit
 from napari_unpack.geometry.view import Camera
+from napari_unpack.kernels import njit
 
 if TYPE_CHECKING:
     from PIL import ImageDraw

@@ -7,9 +7,9 @@ from itertools import pairwise
 
 import networkx as nx
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from napari_unpack.kernels import njit
 from napari_unpack.thread_count import thread_count
 
 # From this ID on, IDs are renumbered for the time being.

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from napari_unpack.kernels import njit
 
 # A box of voxels, z y x.
 Box = tuple[slice, slice, slice]

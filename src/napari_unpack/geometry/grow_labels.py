@@ -9,8 +9,9 @@ when its object is hidden or unpacked.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from napari_unpack.kernels import njit
 
 
 def grow_labels(labels: NDArray[np.uint16], voxels: int = 2) -> NDArray[np.uint16]:

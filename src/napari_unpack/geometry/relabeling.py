@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from napari_unpack.kernels import njit
 
 # As many as uint16 tells apart from the background.
 MOST_OBJECTS = 65_535

@@ -5,6 +5,8 @@ They go into an MP4, a GIF, or a folder of PNG images.
 
 from __future__ import annotations
 
+import errno
+import os
 import re
 import subprocess
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -219,6 +221,9 @@ def _command(*arguments: str) -> list[str]:
 
 
 def _unwritten(process: subprocess.Popen[bytes], said: str) -> OSError:
+    # On a full disk there is no room for words either: ffmpeg's status is the error's number.
+    if not said.strip() and process.returncode == 256 - errno.ENOSPC:
+        return OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     # Its last words: those before repeat them for every stream. A killed one says nothing.
     return OSError(said.strip()[-300:] or f"ffmpeg ended with status {process.returncode}")
 

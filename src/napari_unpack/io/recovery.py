@@ -101,7 +101,6 @@ class UnsavedCopy:
         from napari_unpack.io.sessions import manifest_of, written
 
         with self._turn:
-            before = None if self._folder is None else self._latest
             if self._labels is not session.labels:
                 self._write_arrays(session, told)
             manifest = manifest_of(session, standing) | self._arrays
@@ -109,14 +108,14 @@ class UnsavedCopy:
             with written_atomically(self._latest / MANIFEST) as temporary:
                 temporary.write_bytes(written(manifest))
             # Only now: until this one was whole, the one before was what could be recovered.
-            if before is not None and before != self._latest:
-                shutil.rmtree(before, ignore_errors=True)
+            self._remove_earlier()
 
     def forget(self) -> None:
         """Keep nothing to recover, since it is saved; arrays stay, to be used again."""
         with self._turn:
             if self._folder is not None:
                 (self._latest / MANIFEST).unlink(missing_ok=True)
+                self._remove_earlier()
 
     def close(self) -> None:
         """Leave what is not forgotten to be recovered, and nothing else."""
@@ -138,6 +137,13 @@ class UnsavedCopy:
     def _latest(self) -> Path:
         assert self._folder is not None, "there is a folder"
         return self._folder / str(self._count)
+
+    def _remove_earlier(self) -> None:
+        """Remove all states of the labels but the latest: several, where a manifest failed."""
+        assert self._folder is not None, "there is a folder"
+        for state in self._folder.iterdir():
+            if state.is_dir() and state != self._latest:
+                shutil.rmtree(state, ignore_errors=True)
 
     def _write_arrays(self, session: Session, told: Told) -> None:
         from napari_unpack.io.session_json import given_labels

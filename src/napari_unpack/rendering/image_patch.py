@@ -10,11 +10,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.appearance import Background
 from napari_unpack.geometry.view import NEAREST, Camera
+from napari_unpack.kernels import njit
 
 Image = NDArray[np.float32]
 # First row, first column, height and width.

@@ -16,9 +16,9 @@ from typing import Any
 
 import cc3d
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.array_source import Box, Source, grown, within
 from napari_unpack.segmentation.foreground.thresholds import Levels
 from napari_unpack.segmentation.working_grid import Factors

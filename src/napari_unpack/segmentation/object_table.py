@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numba import njit
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
+from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.array_source import Box, face_steps, framed
 from napari_unpack.segmentation.common.density_regions import air_offset
 from napari_unpack.segmentation.common.region import Oracle, Region

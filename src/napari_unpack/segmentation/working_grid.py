@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.array_source import Box, Source, blocks
 from napari_unpack.segmentation.common.block_jobs import BlockJob, BlockRunner, ThreadRunner
 from napari_unpack.segmentation.common.validation import Spacing

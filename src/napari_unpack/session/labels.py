@@ -8,11 +8,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import LabelBoxes, label_boxes
 from napari_unpack.geometry.grow_labels import grow_labels
+from napari_unpack.kernels import njit
 from napari_unpack.segmentation.repair import LabelEdit
 from napari_unpack.session.validation import checked_whole
 

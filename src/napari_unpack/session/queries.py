@@ -409,8 +409,8 @@ class Queries:
         else:
             graph = known.blocking.among(packed)
             # Interlocked objects cannot leave alone: choosing one chooses its group.
-            whole = [set(g) for g in graph.removals(packed) if wanted.intersection(g)]
-            wanted = wanted.union(*(g for g in whole if len(g) <= most))
+            whole = graph.interlocked(wanted)
+            wanted = wanted.union(*(group for group in whole if len(group) <= most))
             blockers = graph.blockers(wanted)
             if blockers and wanted != self._forced(packed, known):
                 names = listed_objects(session.names(wanted))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from napari_unpack.kernels import njit
 
 ELLIPSOID = 0
 BOX = 1

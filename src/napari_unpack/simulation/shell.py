@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from napari_unpack.kernels import njit
 from napari_unpack.simulation.stacking import BLOCKED, Stack
 
 # CT numbers + 1000: thin nylon, cord, a plastic zip; carbon skin and foam core of a table.

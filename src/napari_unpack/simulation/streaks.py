@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy import ndimage
+
+from napari_unpack.kernels import njit
 
 # What counts as metal, CT number + 1000.
 METAL = 4800.0

@@ -75,21 +75,38 @@ class BlockingGraph:
         Quick enough to be asked at every change of a thousand objects: the graph is looked over
         once for all that are left of it.
         """
-        # Edges of the first graph are made once; what has left is masked out.
         ids, front, behind = (self._whole or self)._edges
-        here = np.isin(ids, list(self.graph))
-        both = here[front] & here[behind]
-        front, behind = front[both], behind[both]
-        size = len(ids), len(ids)
-        # Objects that block each other in a circle can only leave together: a strong component.
-        _, part = connected_components(
-            csr_array((np.ones(len(front), np.bool_), (front, behind)), size), connection="strong"
-        )
+        here, among, part = self._circles
+        front, behind = front[among], behind[among]
         unpackable = np.zeros(len(ids), np.bool_)
         unpackable[part[here]] = True
         unpackable[part[behind[part[front] != part[behind]]]] = False
+        return self._groups(here & unpackable[part])
+
+    def interlocked(self, wanted: Iterable[int]) -> list[tuple[int, ...]]:
+        """Return the groups that can only leave together and hold any of these objects."""
+        ids = (self._whole or self)._edges[0]
+        here, _, part = self._circles
+        chosen = part[here & np.isin(ids, list(wanted))]
+        return self._groups(here & np.isin(part, chosen))
+
+    @cached_property
+    def _circles(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.int32]]:
+        """Which IDs are here, which edges are among them, and the number of each ID's group."""
+        # Edges of the first graph are made once; what has left is masked out.
+        ids, front, behind = (self._whole or self)._edges
+        here = np.isin(ids, list(self.graph))
+        among = here[front] & here[behind]
+        edges = csr_array(
+            (np.ones(among.sum(), np.bool_), (front[among], behind[among])), (len(ids), len(ids))
+        )
+        # Objects that block each other in a circle can only leave together: a strong component.
+        return here, among, connected_components(edges, connection="strong")[1]
+
+    def _groups(self, places: NDArray[np.bool_]) -> list[tuple[int, ...]]:
+        ids, part = (self._whole or self)._edges[0], self._circles[2]
         members: dict[int, list[int]] = {}
-        for place in np.flatnonzero(here & unpackable[part]):
+        for place in np.flatnonzero(places):
             members.setdefault(int(part[place]), []).append(int(ids[place]))
         return sorted((tuple(group) for group in members.values()), key=lambda g: (len(g), g))
 

@@ -57,7 +57,7 @@ class ObjectTable:
 
     def _ends(self, known: list[int]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         boxes = self.session.boxes
-        rows = [boxes.index(i) for i in known]
+        rows = np.searchsorted(boxes.ids, known)
         return boxes.lower[rows], boxes.upper[rows]
 
 

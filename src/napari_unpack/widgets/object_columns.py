@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from enum import IntEnum
+from functools import cached_property
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -183,17 +185,26 @@ class Row:
     flag: Flag | None = None
     order: int | None = None
 
+    def changed(self, **now: Any) -> Row:
+        """Return the row with some fields as they are now: itself where they are as they were."""
+        return self if now.items() <= self.__dict__.items() else replace(self, **now)
+
     @property
     def state_words(self) -> str:
         """What the state column says."""
         packed = self.state is ObjectState.PACKED
         return self.mark if self.mark and packed else STATE_WORDS[self.state]
 
-    @property
+    @cached_property
     def searched(self) -> str:
         """What a search looks in: name, note and flag."""
         words = (self.name, self.note, FLAG_WORDS[self.flag] if self.flag else "")
         return sought("\n".join(words))
+
+    @cached_property
+    def _counted_name(self) -> str:
+        # Digits are padded, so that object 2 comes before object 10.
+        return re.sub(r"\d+", lambda found: found[0].zfill(12), self.name.casefold())
 
     def text(self, column: Column, units: Units) -> str:
         """Return what a cell shows.
@@ -232,8 +243,7 @@ class Row:
             case Column.SWATCH:
                 return -1.0 if self.hue is None else self.hue
             case Column.NAME:
-                # Digits are padded, so that object 2 comes before object 10.
-                return re.sub(r"\d+", lambda found: found[0].zfill(12), self.name.casefold())
+                return self._counted_name
             case Column.STATE:
                 return self.state_words
             case Column.VOLUME:
@@ -297,3 +307,7 @@ class Row:
             case Column.FLAG:
                 return FLAG_WORDS[self.flag]
         return ""
+
+
+BESIDE_HUE = attrgetter(*(each.name for each in fields(Row) if each.name not in ("hue", "color")))
+"""Of a row, all but the hue of this view."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -15,6 +15,7 @@ from napari_unpack.session.errors import listed_objects
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.viewer.plain_text import literal
 from napari_unpack.widgets.object_columns import (
+    BESIDE_HUE,
     FIRST,
     MARKS,
     NO_HUE,
@@ -38,7 +39,9 @@ if TYPE_CHECKING:
 
 Index: TypeAlias = QModelIndex | QPersistentModelIndex
 Role = Qt.ItemDataRole
-SORT, ID, STATE, FLAG, SEARCHED = (Role.UserRole + k for k in range(5))
+ID, STATE, FLAG = (Role.UserRole + k for k in range(3))
+# Asked for at every index, where counting an enum takes longer than all else.
+COLUMNS = len(Column)
 EDITABLE = (Column.NAME, Column.NOTE)
 
 
@@ -79,15 +82,16 @@ class ObjectModel(QAbstractTableModel):
         self._rows: list[Row] = []
         self._row_of: dict[int, int] = {}
         self.units = Units.of(MM, 0.0)
-        self._keys: dict[int, tuple[list[Row], list[Any]]] = {}
         self._unpackable: frozenset[int] = frozenset()
         self._first: frozenset[int] = frozenset()
 
     def load(self, session: Session | None) -> None:
         """Show the objects of a session, or nothing for None."""
         self.beginResetModel()
+        # A repair changes few of many objects.
+        before = {row.id: row for row in self._rows} if session is self._session else {}
         self._session = session
-        self._rows = [] if session is None else _rows_of(session)
+        self._rows = [] if session is None else _rows_of(session, before)
         self._sizes = {} if session is None else self._known_sizes(session)
         self._row_of = {row.id: k for k, row in enumerate(self._rows)}
         self._unpackable = self._first = frozenset()
@@ -102,7 +106,7 @@ class ObjectModel(QAbstractTableModel):
     def refresh(
         self, unpackable: Iterable[int] | None = None, first: Iterable[int] | None = None
     ) -> None:
-        """Read states, hues and names anew; only rows that changed are drawn again.
+        """Read states, hues and names anew; the first to the last row changed are drawn again.
 
         Parameters
         ----------
@@ -122,13 +126,16 @@ class ObjectModel(QAbstractTableModel):
             last = self.index(len(self._rows) - 1, Column.SIZE)
             self.dataChanged.emit(self.index(0, Column.VOLUME), last)
         before, self._rows = self._rows, self._read()
-        for k, (old, new) in enumerate(zip(before, self._rows, strict=True)):
-            if old != new:
-                # Hues change for all rows at once, while the bag turns: one cell a row is enough.
-                only_color = replace(old, hue=new.hue, color=new.color) == new
-                left = Column.SWATCH if only_color else Column.EYE
-                right = Column.SWATCH if only_color else Column.NOTE
-                self.dataChanged.emit(self.index(k, left), self.index(k, right))
+        rows = list(zip(before, self._rows, strict=True))
+        changed = [k for k, (old, new) in enumerate(rows) if old is not new]
+        if changed:
+            # Hues change for all rows at once, while the bag turns: one cell a row is enough.
+            only_hue = all(BESIDE_HUE(old) == BESIDE_HUE(new) for old, new in rows)
+            left = Column.SWATCH if only_hue else Column.EYE
+            right = Column.SWATCH if only_hue else Column.NOTE
+            # One word for all: each costs more than drawing the rows between once more.
+            first, last = self.index(changed[0], left), self.index(changed[-1], right)
+            self.dataChanged.emit(first, last)
         if self._blockers is not None and self._rows:
             # Asked for anew by the tables that show it, and by no other.
             self._blockers = None
@@ -151,13 +158,14 @@ class ObjectModel(QAbstractTableModel):
         states, hues = session.states, session.hues
         said = session.annotations
         own, notes, flags = said.colors, said.notes, said.flags
-        names = session.objects["name"].to_dict()
+        objects = session.objects
+        names = dict(zip(objects.index.tolist(), objects["name"].tolist(), strict=True))
         colors = _colors(hues, session.tint_mode, own)
         # Steps up to now: those undone are still in the bag.
         done = session.steps[: session.step]
         orders = {i: k for k, group in enumerate(done, 1) for i in group}
         # Known without casting rays: the queue is used up before it is asked anew.
-        groups = session.queries.unpackable_groups()
+        groups, examples = session.queries.unpackable_groups(), session.examples
         together = {i for group in groups if len(group) > 1 for i in group}
 
         def mark(i: int) -> str:
@@ -168,8 +176,7 @@ class ObjectModel(QAbstractTableModel):
             return TOGETHER if i in together else UNPACKABLE
 
         return [
-            replace(
-                row,
+            row.changed(
                 name=str(names.get(row.id, "")),
                 # A repair may have deleted the object before its row is gone.
                 state=states.get(row.id, ObjectState.HIDDEN),
@@ -178,7 +185,7 @@ class ObjectModel(QAbstractTableModel):
                 opacity=own[row.id][3] if row.id in own else 1.0,
                 own_color=row.id in own,
                 mark=mark(row.id),
-                is_example=row.id in session.examples,
+                is_example=row.id in examples,
                 edges=self._sizes.get(row.id),
                 note=notes.get(row.id, ""),
                 flag=flags.get(row.id),
@@ -200,16 +207,11 @@ class ObjectModel(QAbstractTableModel):
         return any(not np.isnan(row.confidence) for row in self._rows)
 
     def sort_keys(self, column: int) -> list[Any]:
-        """Return the key by which each row sorts in a column, kept until something changes."""
-        kept = self._keys.get(column)
-        # Qt compares some ten thousand pairs to sort a thousand rows.
-        if kept is None or kept[0] is not self._rows:
-            if column == Column.BLOCKERS:
-                keys: list[Any] = [len(self._blockers_of(row.id)) for row in self._rows]
-            else:
-                keys = [row.sort_key(Column(column)) for row in self._rows]
-            kept = self._keys[column] = self._rows, keys
-        return kept[1]
+        """Return the key by which each row sorts in a column."""
+        if column == Column.BLOCKERS:
+            return [len(self._blockers_of(row.id)) for row in self._rows]
+        which = Column(column)
+        return [row.sort_key(which) for row in self._rows]
 
     def row_of(self, object_id: int) -> int | None:
         """Return the row of an object, or None."""
@@ -219,13 +221,31 @@ class ObjectModel(QAbstractTableModel):
         """Return the object's ID in a row."""
         return self._rows[row].id
 
+    def row_at(self, row: int) -> Row:
+        """Return what is known of the object in a row."""
+        return self._rows[row]
+
+    def index(self, row: int, column: int, parent: Index | None = None) -> QModelIndex:
+        """Return the index of a cell, as Qt would after it has asked twice how many there are.
+
+        Parameters
+        ----------
+        row, column : int
+        parent : QModelIndex, optional
+            Invalid: there are no levels.
+        """
+        inside = 0 <= row < len(self._rows) and 0 <= column < COLUMNS
+        if not inside or (parent is not None and parent.isValid()):
+            return QModelIndex()
+        return self.createIndex(row, column)
+
     def rowCount(self, parent: Index | None = None) -> int:
         """Return the number of objects."""
         return 0 if parent is not None and parent.isValid() else len(self._rows)
 
     def columnCount(self, parent: Index | None = None) -> int:
         """Return the number of columns."""
-        return 0 if parent is not None and parent.isValid() else len(Column)
+        return 0 if parent is not None and parent.isValid() else COLUMNS
 
     def headerData(self, section: int, orientation: Qt.Orientation, role: int = 0) -> Any:
         """Return a column's title or its tooltip, as Qt asks for them.
@@ -254,13 +274,13 @@ class ObjectModel(QAbstractTableModel):
         return flags | Qt.ItemFlag.ItemIsEditable if index.column() in EDITABLE else flags
 
     def data(self, index: Index, role: int = 0) -> Any:
-        """Return what a cell shows, sorts by, or is coloured with, as Qt asks for it.
+        """Return what a cell shows, or is coloured with, as Qt asks for it.
 
         Parameters
         ----------
         index : QModelIndex
         role : int
-            One of Qt's, or `SORT`, `ID`, `STATE`, `FLAG` or `SEARCHED`.
+            One of Qt's, or `ID`, `STATE` or `FLAG`.
         """
         if not index.isValid() or self._session is None:
             return None
@@ -288,9 +308,7 @@ class ObjectModel(QAbstractTableModel):
                 return literal(f"{row.tooltip(column, self.units)}\n{self._reasons(row.id)}")
             case Role.ToolTipRole:
                 return literal(row.tooltip(column, self.units))
-            case _ if role == SORT:
-                return row.sort_key(column)
-        own = {ID: row.id, STATE: row.state, FLAG: row.flag, SEARCHED: row.searched}
+        own = {ID: row.id, STATE: row.state, FLAG: row.flag}
         return own.get(role)
 
     def _text(self, row: Row, column: Column) -> str:
@@ -352,16 +370,22 @@ def upright_sizes(session: Session) -> Sizes:
     return {int(i): tuple(map(float, edge)) for i, edge in zip(boxes.ids, edges, strict=True)}
 
 
-def _rows_of(session: Session) -> list[Row]:
-    objects, there = session.objects, {int(i) for i in session.boxes.ids}
+def _rows_of(session: Session, before: Mapping[int, Row]) -> list[Row]:
+    objects, there = session.objects, set(session.boxes.ids.tolist())
+    facts = [
+        objects[column].to_numpy(float).tolist() if column in objects else [math.nan] * len(objects)
+        for column in ("volume_mm3", "mean_density", "confidence")
+    ]
+
+    def row(i: int, volume: float, density: float, confidence: float) -> Row:
+        # One NaN for all: what is not known is no change from what was not.
+        density, confidence = (math.nan if math.isnan(x) else x for x in (density, confidence))
+        if (old := before.get(i)) is not None:
+            return old.changed(volume=volume, density=density, confidence=confidence)
+        return Row(i, int(session.label_of(i)), volume, density, confidence)
+
     return [
-        Row(
-            id=int(i),
-            label=int(session.label_of(int(i))),
-            volume=float(record.volume_mm3),
-            density=float(record.mean_density),
-            confidence=float(getattr(record, "confidence", float("nan"))),
-        )
-        for i, record in zip(objects.index, objects.itertuples(index=False), strict=True)
-        if int(i) in there
+        row(i, volume, density, confidence)
+        for i, volume, density, confidence in zip(objects.index.tolist(), *facts, strict=True)
+        if i in there
     ]

@@ -11,6 +11,7 @@ from qtpy.QtCore import (
     QItemSelection,
     QItemSelectionModel,
     QItemSelectionRange,
+    QModelIndex,
     QPointF,
     QRectF,
     QSize,
@@ -40,19 +41,12 @@ from qtpy.QtWidgets import (
 
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.widgets.object_columns import MARKS, SHORT_TITLES, Column, choice_of, sought
-from napari_unpack.widgets.object_model import (
-    FLAG,
-    ID,
-    SEARCHED,
-    SORT,
-    STATE,
-    Index,
-    ObjectModel,
-)
+from napari_unpack.widgets.object_model import FLAG, ID, STATE, Index, ObjectModel
 from napari_unpack.widgets.remembered import ChosenColumns
+from napari_unpack.widgets.sorted_rows import SortedRows
 
 if TYPE_CHECKING:
-    from qtpy.QtCore import QAbstractItemModel, QModelIndex, QObject, QPoint
+    from qtpy.QtCore import QAbstractItemModel, QObject, QPoint
     from qtpy.QtGui import QKeyEvent, QPaintEvent, QResizeEvent
     from qtpy.QtWidgets import QStyleOptionViewItem
 
@@ -117,15 +111,48 @@ WHERE_ROOM = ORDER[5:]
 
 
 class ObjectFilter(QSortFilterProxyModel):
-    """Sort by any column; keep rows by a text in name, note or flag, or by state."""
+    """Sort by any column; keep rows by a text in name, note or flag, or by state.
 
-    def __init__(self, parent: QObject | None = None) -> None:
+    Parameters
+    ----------
+    model : ObjectModel
+    parent : QObject, optional
+    """
+
+    def __init__(self, model: ObjectModel, parent: QObject | None = None) -> None:
         super().__init__(parent)
+        self._model, self._sorted = model, SortedRows(model, self)
         self._text = ""
         self._states: frozenset[ObjectState] | None = None
         self._short = False
-        self.setSortRole(SORT)
-        self.setDynamicSortFilter(True)
+        self.setSourceModel(self._sorted)
+
+    def sort(self, column: int, order: Qt.SortOrder = Qt.SortOrder.AscendingOrder) -> None:
+        """Sort the rows, those left out too, by a column.
+
+        Parameters
+        ----------
+        column : int
+        order : Qt.SortOrder
+        """
+        self._sorted.sort(column, order)
+
+    def around_moves(self, before: Callable[[], object], after: Callable[[], object]) -> None:
+        """Call something before and after rows are moved to another order.
+
+        Parameters
+        ----------
+        before, after : callable
+        """
+        self._sorted.moving.connect(before)
+        self._sorted.moved.connect(after)
+
+    def index_of(self, object_id: int) -> QModelIndex:
+        """Return the index of an object's name, invalid where it is not listed."""
+        row = self._model.row_of(object_id)
+        if row is None:
+            return QModelIndex()
+        return self.mapFromSource(self._sorted.mapFromSource(self._model.index(row, Column.NAME)))
 
     def keep_text(self, text: str) -> None:
         """Keep the objects with a text in their name, note or flag, or with that ID."""
@@ -166,33 +193,20 @@ class ObjectFilter(QSortFilterProxyModel):
         else:
             self.invalidateFilter()
 
-    def lessThan(self, left: Index, right: Index) -> bool:
-        """Compare two rows by the keys that the model keeps.
-
-        Parameters
-        ----------
-        left, right : QModelIndex
-            Of the model, in the column to sort by.
-        """
-        keys = self.sourceModel().sort_keys(left.column())
-        return bool(keys[left.row()] < keys[right.row()])
-
     def filterAcceptsRow(self, row: int, parent: Index) -> bool:
         """Return whether a row is listed.
 
         Parameters
         ----------
         row : int
-            Of the model.
+            Of all, sorted.
         parent : QModelIndex
             Invalid: the model has no levels.
         """
-        model = self.sourceModel()
-        index = model.index(row, Column.NAME, parent)
-        if self._states is not None and model.data(index, STATE) not in self._states:
+        told = self._model.row_at(self._sorted.source_row(row))
+        if self._states is not None and told.state not in self._states:
             return False
-        searched = str(model.data(index, SEARCHED))
-        return self._text in searched or self._text == str(model.data(index, ID))
+        return self._text in told.searched or self._text == str(told.id)
 
 
 class _ClickDelegate(QStyledItemDelegate):
@@ -380,8 +394,7 @@ class ObjectTable(QTableView):
     def __init__(self, model: ObjectModel, key: str = "panel") -> None:
         super().__init__()
         self.objects = model
-        self.rows = ObjectFilter(self)
-        self.rows.setSourceModel(model)
+        self.rows = ObjectFilter(model, self)
         self.setModel(self.rows)
         model.modelReset.connect(self._fit_columns)
         model.headerDataChanged.connect(lambda *_: self._fit_columns())
@@ -405,6 +418,8 @@ class ObjectTable(QTableView):
             self.setItemDelegateForColumn(column, delegate)
         self._set_looks()
         rows = self.rows
+        self._held: frozenset[int] = frozenset()
+        rows.around_moves(self._hold_selection, lambda: self._select(self._held))
         for moved in (rows.layoutChanged, rows.rowsInserted, rows.rowsRemoved, rows.modelReset):
             moved.connect(self._forget_selected)
         self.selectionModel().selectionChanged.connect(self._forget_selected)
@@ -568,9 +583,18 @@ class ObjectTable(QTableView):
         # Most selections come from here: scrolling to the first row would take it from the mouse.
         if ids == frozenset(self.selected_ids()):
             return
-        known = [row for row in map(self.objects.row_of, ids) if row is not None]
-        there = [self.rows.mapFromSource(self.objects.index(row, Column.NAME)) for row in known]
-        rows = sorted(index.row() for index in there if index.isValid())
+        rows = self._select(ids)
+        if rows:
+            self.scrollTo(self.rows.index(rows[0], Column.NAME))
+
+    def _hold_selection(self) -> None:
+        # Qt remembers a selection over another order cell by cell, and asks Python about each.
+        self._held = frozenset(self.selected_ids())
+        self._select(frozenset())
+
+    def _select(self, ids: frozenset[int]) -> list[int]:
+        """Select these objects' rows, and return them; emits nothing."""
+        rows = sorted(index.row() for index in map(self.rows.index_of, ids) if index.isValid())
         # One range for neighbouring rows: Qt slows down with thousands of single ones.
         picked = QItemSelection()
         for run in _runs(rows):
@@ -583,8 +607,7 @@ class ObjectTable(QTableView):
         self._silent = True
         self.selectionModel().select(picked, flags)
         self._silent = False
-        if rows:
-            self.scrollTo(self.rows.index(rows[0], Column.NAME))
+        return rows
 
     def _emit_selection(self, picked: QItemSelection, dropped: QItemSelection) -> None:
         # A search that leaves rows out is no wish to select them no longer.

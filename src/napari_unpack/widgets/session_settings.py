@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from napari_unpack.widgets.notifications import errors_shown
+from napari_unpack.widgets.notifications import errors_shown, warn
 from napari_unpack.widgets.preferences import remember_names
 from napari_unpack.widgets.workspace import Workspace
 
@@ -25,6 +25,7 @@ class SessionSettings:
 
     def __init__(self, workspace: Workspace) -> None:
         self._workspace = workspace
+        self._said_unkept = False
 
     # How objects leave.
 
@@ -85,10 +86,16 @@ class SessionSettings:
             controller.overlays.outlines_unpackable = shown
 
     def set_names(self, shown: bool) -> None:
-        """Write the names of unpacked objects beside them, or not; remembered."""
-        remember_names(shown)
+        """Write the names of unpacked objects beside them, or not; remembered where possible."""
         if (controller := self._workspace.controller) is not None:
             controller.names.shown = shown
+        try:
+            remember_names(shown)
+        except OSError as error:
+            # Once: what was asked for is done.
+            if not self._said_unkept:
+                self._said_unkept = True
+                warn(f"Not remembered for the next start: {error.strerror or error}.")
 
     # How they look.
 

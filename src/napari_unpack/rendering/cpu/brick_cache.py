@@ -11,9 +11,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from napari_unpack.kernels import njit
 from napari_unpack.rendering.cpu.bricks import Bricks, Density
 from napari_unpack.rendering.cpu.ray_sampling import BRICK
 from napari_unpack.rendering.cpu.simd import EDGE, copy_row, gather_row

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.rays import Rays
+from napari_unpack.kernels import njit
 from napari_unpack.rendering.cpu.compressed_labels import CompressedLabels
 from napari_unpack.rendering.cpu.ray_sampling import BRICK
 from napari_unpack.rendering.cpu.thread_pool import over_bands

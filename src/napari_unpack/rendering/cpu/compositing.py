@@ -10,10 +10,10 @@ central differences. Opacities per voxel are corrected for the length that a ste
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.rays import Rays
+from napari_unpack.kernels import njit
 from napari_unpack.rendering.cpu.brick_cache import ABSENT, BLOCK, CAPACITY, EMPTY, fill
 from napari_unpack.rendering.cpu.ray_sampling import (
     TILE,

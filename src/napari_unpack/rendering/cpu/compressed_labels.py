@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from napari_unpack.kernels import njit
 from napari_unpack.rendering.cpu.ray_sampling import BRICK
 from napari_unpack.rendering.cpu.thread_pool import over_bands
 

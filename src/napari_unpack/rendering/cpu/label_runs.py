@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.geometry.rays import Rays
+from napari_unpack.kernels import njit
 from napari_unpack.rendering.cpu.bricks import Bricks
 from napari_unpack.rendering.cpu.object_ids import AHEAD, ground, read_compressed, read_labels
 from napari_unpack.rendering.cpu.ray_sampling import (

@@ -7,10 +7,10 @@ person means what they see (docs/paper.md, R13).
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.rays import Rays
+from napari_unpack.kernels import njit
 from napari_unpack.rendering.cpu.bricks import Density
 from napari_unpack.rendering.cpu.ray_sampling import (
     clipping_planes,

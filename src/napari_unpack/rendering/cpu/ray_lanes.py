@@ -8,8 +8,8 @@ which row r holds quantity r of all lanes at [LANES r, LANES (r + 1)).
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from napari_unpack.kernels import njit
 from napari_unpack.rendering.cpu.simd import EDGE, LANES, lowest_of
 
 # Liberties the compiler may take with positions, which all passes share: none that moves one.

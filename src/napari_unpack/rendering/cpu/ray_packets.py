@@ -8,8 +8,9 @@ ray: a change of object, and the end of a ray.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from napari_unpack.kernels import njit
 
 # Rays of a packet.
 LANES = 32

@@ -7,10 +7,10 @@ by adding steps, so that skipping some samples cannot move the others by a round
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.rays import Rays
+from napari_unpack.kernels import njit
 from napari_unpack.rendering.cpu.ray_packets import ORDERED
 
 

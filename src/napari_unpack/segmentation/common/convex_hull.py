@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.validation import Spacing
 
 

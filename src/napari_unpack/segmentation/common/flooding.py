@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.array_source import face_steps
 from napari_unpack.tasks import SILENT, VOXELS_PER_CHECK, Share
 

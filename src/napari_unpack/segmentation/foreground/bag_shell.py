@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
+from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.depths import label_depths
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.tasks import SILENT, Share

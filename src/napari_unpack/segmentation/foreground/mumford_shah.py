@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, uniform_filter
 
+from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.foreground.thresholds import Levels
 from napari_unpack.tasks import SILENT, Share

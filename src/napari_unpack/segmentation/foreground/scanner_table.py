@@ -9,10 +9,10 @@ from __future__ import annotations
 import cc3d
 import edt
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import binary_closing, binary_dilation, maximum_filter1d
 
+from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.validation import Spacing
 
 # Voxels around a table that are its blur: a scan blurs its edges over two.

@@ -7,9 +7,9 @@ streak fades, and ends where it falls below the level that tells foreground from
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from napari_unpack.kernels import njit
 from napari_unpack.segmentation.foreground.thresholds import Levels
 
 STEP = 0.75

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from napari_unpack.kernels import njit
 
 # Of histograms: a pair of thresholds is sought among all 131,000 pairs of bins.
 BINS = 512

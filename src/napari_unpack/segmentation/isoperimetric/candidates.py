@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import cc3d
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.relabeling import numbered
+from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.flooding import flood
 from napari_unpack.segmentation.common.measures import chamfer_depth
 from napari_unpack.segmentation.common.region import Region

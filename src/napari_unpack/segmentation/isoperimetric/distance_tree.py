@@ -11,9 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.array_source import strides_of
 from napari_unpack.segmentation.common.merging import root
 from napari_unpack.segmentation.common.validation import Spacing

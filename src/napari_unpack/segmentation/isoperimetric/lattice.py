@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.validation import Spacing
 
 # Of a face across a density step, as a share: it keeps the system well conditioned.

@@ -13,10 +13,10 @@ from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.segmentation.learned.border_refinement import (
     AIR,

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
+from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.array_source import face_steps, framed
 from napari_unpack.segmentation.common.density_regions import label_means
 from napari_unpack.tasks import SILENT, Share, Slab

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.tasks import Progress, Share, awaited
 from napari_unpack.thread_count import thread_count

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.density_regions import regional_minima
 from napari_unpack.segmentation.common.flooding import flood
 from napari_unpack.segmentation.learned.boundary_network import REACHES

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from napari_unpack.atomic import written_atomically
 from napari_unpack.file_sizes import load_arrays
 from napari_unpack.geometry.boxes import label_boxes
+from napari_unpack.kernels import njit
 from napari_unpack.read_errors import read_errors_told
 from napari_unpack.segmentation.common.adjacency import join_rows
 from napari_unpack.segmentation.common.convex_hull import hull_volume, mask_corners, support_points

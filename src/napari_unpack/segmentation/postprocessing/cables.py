@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import cc3d
 import edt
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
+from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.array_source import grown, strides_of
 from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.segmentation.foreground.methods import typical_knee

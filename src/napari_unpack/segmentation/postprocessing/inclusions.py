@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import cc3d
 import edt
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, binary_erosion
 from scipy.spatial import ConvexHull
 
 from napari_unpack.geometry.boxes import label_boxes
+from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.array_source import grown
 from napari_unpack.segmentation.common.convex_hull import mask_corners, solidity
 from napari_unpack.segmentation.common.density_regions import DensityScale
