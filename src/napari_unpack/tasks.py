@@ -14,7 +14,6 @@ from typing import Generic, TypeVar
 
 from napari_unpack.thread_count import thread_count
 
-S = TypeVar("S")
 T = TypeVar("T")
 
 Slab = tuple[int, int]
@@ -114,30 +113,19 @@ class Share:
         shape : tuple of int
             Of the volume.
         work : callable
-            Given a slab, see `slabs`; see `at_once`.
+            Given a slab, see `slabs`. Whatever the order it must give the same: it writes to its
+            slab alone. It runs at once only where it leaves Python to others, as `nogil` does.
         """
-        return self.at_once(_slabs(shape), work)
-
-    def at_once(self, items: Collection[S], work: Callable[[S], T]) -> list[T]:
-        """Do some work on every item, on several threads; return what each gives, in order.
-
-        Parameters
-        ----------
-        items : collection
-            Of equal work.
-        work : callable
-            Given an item. Whatever the order it must give the same: it writes to what is its
-            item's alone. It runs at once only where it leaves Python to others, as `nogil` does.
-        """
-        threads = min(thread_count(), len(items))
+        slabs = _slabs(shape)
+        threads = min(thread_count(), len(slabs))
         if threads < 2:
-            return [work(item) for item in self.over(items)]
-        with ThreadPoolExecutor(threads, "unpack-at-once") as pool:
-            begun = [pool.submit(work, item) for item in items]
+            return [work(slab) for slab in self.over(slabs)]
+        with ThreadPoolExecutor(threads, "unpack-slabs") as pool:
+            begun = [pool.submit(work, slab) for slab in slabs]
             try:
                 return [future.result() for future in self.over(begun)]
             finally:
-                # Cancelled, it waits for the items that were begun.
+                # Cancelled, it waits for the slabs that were begun.
                 pool.shutdown(wait=False, cancel_futures=True)
 
 

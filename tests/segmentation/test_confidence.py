@@ -1,4 +1,3 @@
-from threading import get_ident
 from zipfile import ZipFile
 
 import numpy as np
@@ -12,7 +11,6 @@ from napari_unpack.segmentation.confidence.features import FEATURES, features
 from napari_unpack.segmentation.confidence.mixture import Mixture
 from napari_unpack.segmentation.confidence.oracle import Oracle, fit_features
 from napari_unpack.segmentation.confidence.reasons import reasons
-from napari_unpack.segmentation.object_table import confidences
 from napari_unpack.segmentation.training import halves, merged_pairs, true_objects
 
 UNIT = (1.0, 1.0, 1.0)
@@ -292,20 +290,3 @@ def test_the_measures_that_lowered_a_confidence_are_named():
     assert reasons(oracle, usual) == ()
     assert reasons(oracle, odd)[0] == "it is of two materials"
     assert len(reasons(oracle, rng.normal(4, 2, len(FEATURES)))) <= 3
-
-
-@pytest.mark.parametrize("threads", ["1", "4"])
-def test_a_function_that_was_given_rates_each_object_once_on_one_thread(threads, monkeypatch):
-    monkeypatch.setenv("NAPARI_UNPACK_THREADS", threads)
-    labels = np.zeros((8, 8, 40), np.int32)
-    for name in range(1, 9):
-        labels[2:6, 2:6, 5 * name - 4 : 5 * name - 1] = name
-    asked = []
-
-    def rate(region):
-        asked.append(get_ident())
-        return region.box[2].start / 100
-
-    found = confidences(labels, labels.astype(np.uint16), (1.0, 1.0, 1.0), rate)
-    assert asked == [get_ident()] * 8
-    assert found == {name: (5 * name - 4) / 100 for name in range(1, 9)}

@@ -15,7 +15,6 @@ from napari_unpack.segmentation.common.array_source import Box, face_steps, fram
 from napari_unpack.segmentation.common.density_regions import air_offset
 from napari_unpack.segmentation.common.region import Oracle, Region
 from napari_unpack.segmentation.common.validation import Spacing, in_common_range
-from napari_unpack.segmentation.confidence.oracle import Oracle as MixtureOracle
 from napari_unpack.segmentation.confidence.oracle import default_oracle
 from napari_unpack.tasks import SILENT, Share
 
@@ -155,18 +154,13 @@ def confidences(
     boxes, density = label_boxes(labels), in_common_range(density)[0]
     air = air_offset(density, labels)
     confidence_of = oracle or default_oracle()
-
-    def rated(name: int) -> float:
+    found = {}
+    for name in share.over(boxes.ids.tolist() if ids is None else list(ids)):
         box = boxes.slices(name)
         region = Region.of(labels[box] == name, density, box, spacing, air)
         value = float(confidence_of(region))
-        return value if np.isfinite(value) else 0.0
-
-    asked = boxes.ids.tolist() if ids is None else list(ids)
-    # A function that was given may not be made for several threads.
-    ours = oracle is None or isinstance(oracle, MixtureOracle)
-    values = share.at_once(asked, rated) if ours else [rated(name) for name in share.over(asked)]
-    return dict(zip(asked, values, strict=True))
+        found[name] = value if np.isfinite(value) else 0.0
+    return found
 
 
 @njit(cache=True, nogil=True)

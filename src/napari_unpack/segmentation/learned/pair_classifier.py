@@ -124,14 +124,11 @@ def measure_parts(
     boxes = label_boxes(labels)
     hulls = [np.zeros((0, 3))] * count
     volumes = np.zeros(count)
-
-    def find_hull(name: int) -> None:
+    for name in share.part(0.5, 1.0).over(boxes.ids.tolist()):
         box = boxes.slices(name)
         first = np.array([b.start for b in box])
         corners = support_points(mask_corners(labels[box] == name, first, spacing))
         hulls[name], volumes[name] = corners, hull_volume(corners)
-
-    share.part(0.5, 1.0).at_once(boxes.ids.tolist(), find_hull)
     return Parts(sums, area, middle, step, hulls, volumes, float(np.prod(spacing)))
 
 
@@ -324,8 +321,9 @@ def agglomerate(
     version = np.zeros(count, np.int64)
     heap: list[tuple[float, int, int, int, int]] = []
 
-    def consider(one: int, two: int, row: NDArray[np.float64]) -> None:
-        chance = classifier(one, two, row)
+    def consider(one: int, two: int) -> None:
+        one, two = min(one, two), max(one, two)
+        chance = classifier(one, two, pair_features(parts, one, two))
         if chance >= least:
             heapq.heappush(heap, (-chance, one, two, int(version[one]), int(version[two])))
         elif log is not None:
@@ -333,10 +331,8 @@ def agglomerate(
 
     surface = parts.area.sum(axis=1) + parts.sums[:, 4]
     near = parts.area > TOUCHING * np.minimum.outer(surface, surface)
-    pairs = np.argwhere(np.triu(near, 1)).tolist()
-    rows = share.part(0.0, 0.5).at_once(pairs, lambda pair: pair_features(parts, *pair))
-    for (one, two), row in zip(pairs, rows, strict=True):
-        consider(one, two, row)
+    for one, two in share.part(0.0, 0.5).over(np.argwhere(np.triu(near, 1)).tolist()):
+        consider(one, two)
     merged = 0
     while heap:
         lacking, one, two, first, second = heapq.heappop(heap)
@@ -354,6 +350,5 @@ def agglomerate(
         surface[one] = parts.area[one].sum() + parts.sums[one, 4]
         enough = parts.area[one] > TOUCHING * np.minimum(surface[one], surface)
         for other in np.flatnonzero(enough).tolist():
-            a, b = min(one, other), max(one, other)
-            consider(a, b, pair_features(parts, a, b))
+            consider(one, other)
     return owner
