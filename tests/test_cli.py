@@ -431,7 +431,7 @@ def test_an_output_that_is_the_input_or_cannot_be_written_is_refused_before_the_
     monkeypatch.setattr("napari_unpack.atomic.shutil.disk_usage", lambda _: usage)
     for source, output, sentence in (
         (bag, bag.parent / "none" / "found.npz", "no folder"),
-        (bag, bag.with_name("found.nii.gz"), "MB free: free some, or choose another folder"),
+        (bag, bag.with_name("found.nii.gz"), "1 kB free: free some, or choose another folder"),
         (bag, bag, "is the input and would be overwritten"),
         (bag, link, "is the input and would be overwritten"),
         (bag, locked, "is read-only"),

@@ -349,7 +349,8 @@ def _check_mode(target: Path) -> None:
     except OSError as error:
         # Mostly a name that is too long, of which a part tells enough; the reason comes first.
         name = target.name if len(target.name) < _SHOWN else f"{target.name[:_SHOWN]}…"
-        raise OSError(f"{error.strerror}: {name} cannot be written into {target.parent}") from error
+        sentence = f"{error.strerror}: {name} cannot be written into {target.parent}"
+        raise type(error)(sentence) from error
     # A rename would put a file in its place, for every program on the machine.
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         raise ValueError(f"{target} is a pipe or a device: choose the name of a file")

@@ -125,6 +125,17 @@ def test_letters_of_names_are_those_that_were_written(tmp_path: Path, encoding: 
     assert load_label_names(file)[2].name.endswith("Große Flasche")
 
 
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_a_line_in_another_encoding_spoils_no_other(tmp_path: Path, end: str) -> None:
+    lines = [f'{i} 255 0 0 1 1 1 "Größe {i}"'.encode() for i in range(1, 5)]
+    # A letter of an older program, and another cut in its middle.
+    lines[1] = lines[1].decode().encode("cp1252")
+    written = end.encode().join(lines)
+    (tmp_path / "bag.label").write_bytes(written + end.encode() + b'5 255 0 0 1 1 1 "Gr\xc3')
+    found = load_label_names(tmp_path / "bag.label")
+    assert {i: about.name for i, about in found.items()} == {i: f"Größe {i}" for i in range(1, 5)}
+
+
 def test_line_breaks_that_belong_to_a_name_end_no_line(tmp_path: Path) -> None:
     for end in ("\n", "\r\n"):
         table = TABLE.replace("\n", end).replace("Bottle", f'"Bottle,{end}blue"')

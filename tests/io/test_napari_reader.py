@@ -17,7 +17,7 @@ VOLUME = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
 
 def test_a_scan_becomes_an_image_and_labels_in_mm(tmp_path: Path) -> None:
     labels = (VOLUME > 30).astype(np.uint8)
-    scan = Scan(VOLUME, (3.0, 2.0, 1.0), labels, names={1: "Shoe"})
+    scan = Scan(VOLUME, (3.0, 2.0, 1.0), labels, names={1: "Left\nshoe"})
     save_scan(scan, tmp_path / "bag.npz")
     reader = get_reader(str(tmp_path / "bag.npz"))
     assert reader is not None
@@ -27,7 +27,7 @@ def test_a_scan_becomes_an_image_and_labels_in_mm(tmp_path: Path) -> None:
     np.testing.assert_array_equal(marks[0], labels)
     assert (marks[1]["scale"], marks[2]) == ((3.0, 2.0, 1.0), "labels")
     assert image[1]["units"] == marks[1]["units"] == ("mm", "mm", "mm")
-    assert marks[1]["features"] == {"index": [1], "name": ["Shoe"]}
+    assert marks[1]["features"] == {"index": [1], "name": ["Left shoe"]}
 
 
 def test_labels_alone_become_labels(tmp_path: Path) -> None:
@@ -72,6 +72,20 @@ def test_several_time_points_of_labels_keep_their_axis(tmp_path: Path) -> None:
     ((data, about, kind),) = read_layers(str(path))
     np.testing.assert_array_equal(data, stack)
     assert (about["axis_labels"], kind) == (("t", "z", "y", "x"), "labels")
+
+
+@pytest.mark.parametrize("fits", [True, False])
+def test_a_label_image_of_fractions_becomes_an_image(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fits: bool
+) -> None:
+    # napari has whole numbers alone as labels.
+    path, shares = tmp_path / "shares.zarr", np.full((256, 4, 4), 0.5, np.float32)
+    write_labels_zarr(path, shares, (1.0, 1.0, 1.0))
+    if not fits:
+        monkeypatch.setattr("napari_unpack.file_sizes.free_memory", lambda: shares.nbytes)
+    ((data, about, kind),) = read_layers(str(path))
+    assert kind == "image"
+    assert data.dtype == np.float32 if fits else about["multiscale"]
 
 
 def test_foreign_files_are_left_to_others(tmp_path: Path) -> None:

@@ -191,16 +191,14 @@ def test_long_names_and_notes_wrap_and_the_bag_fills_its_picture(tmp_path: Path)
     assert np.ptp(rows) >= 0.7 * len(picture)
 
 
-def test_a_carriage_return_in_a_name_ends_no_row(tmp_path: Path) -> None:
-    labels = np.zeros((4, 4, 8), np.uint8)
-    labels[1:3, 1:3, 1:3], labels[1:3, 1:3, 4:7] = 1, 2
-    session = nu.Session(np.where(labels, 1000, 0).astype(np.uint16), labels)
-    session.rename(1, "left\rright")
-    session.rename(2, "up\r\ndown")
-    path = save_objects_csv(session.objects, tmp_path / "objects.csv")
+@pytest.mark.parametrize("column", ["name", "note"])
+def test_a_carriage_return_in_a_table_ends_no_row(tmp_path: Path, column: str) -> None:
+    # Names of a session are one line, those of a table that a script hands over need not be.
+    table = pd.DataFrame({column: ["left\rright", "up\r\ndown"]}, index=[1, 2])
+    path = save_objects_csv(table, tmp_path / "objects.csv")
     read = pd.read_csv(path, index_col="id")
     assert list(read.index) == [1, 2]
-    assert list(read["name"]) == ["left\nright", "up\ndown"]
+    assert list(read[column]) == ["left\nright", "up\ndown"]
 
 
 @pytest.mark.parametrize(

@@ -143,6 +143,22 @@ def test_a_name_that_is_too_long_is_told_in_a_sentence(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_file_that_may_not_be_looked_at_is_told_as_one_without_permission(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, stat = tmp_path / "a.npz", Path.stat
+
+    def refused(self: Path, *, follow_symlinks: bool = True) -> os.stat_result:
+        if self == path:
+            raise PermissionError(errno.EACCES, "Permission denied", str(self))
+        return stat(self, follow_symlinks=follow_symlinks)
+
+    # As in a folder that may be listed and not entered, which stops no test run by root.
+    monkeypatch.setattr(Path, "stat", refused)
+    with pytest.raises(PermissionError, match=r"^Permission denied: a.npz cannot be written into"):
+        check_writable(path)
+
+
 def test_a_folder_that_is_missing_or_full_is_told_before_the_work(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match="no folder"):
         check_writable(tmp_path / "none" / "a.npz")

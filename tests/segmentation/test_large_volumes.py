@@ -93,7 +93,7 @@ def test_a_volume_far_away_is_read_once_and_leaves_nothing_behind(tmp_path, monk
 def test_a_volume_far_away_for_which_there_is_no_room_is_refused(monkeypatch):
     far = zarr.create_array(Far(zarr.storage.MemoryStore()), shape=(64,) * 3, dtype="u2")
     monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=1000))
-    with pytest.raises(OSError, match=r"needs about 1 MB, but \S+ has 0 MB free"):
+    with pytest.raises(OSError, match=r"needs about 524 kB, but \S+ has 1 kB free"):
         segment(far, MM, working=1000)
 
 

@@ -217,3 +217,12 @@ def test_a_name_is_one_line_wherever_it_comes_from() -> None:
     assert again.objects["name"][[1, 2, 3]].tolist() == ["plate of glass"] * 3
     with pytest.raises(ValueError, match="must not be blank"):
         session.rename(1, "\n\t")
+
+
+@pytest.mark.parametrize("column", ["name", "kind"])
+def test_a_blank_name_in_a_table_is_none(column: str) -> None:
+    labels = stack_of_plates()
+    table = pd.DataFrame({column: [" \n ", "", "plate"]}, index=[1, 2, 3])
+    names = Session(labels, labels, objects=table).objects["name"]
+    assert names[[1, 2]].tolist() == ["Object 1", "Object 2"]
+    assert names[3].lower().startswith("plate")

@@ -14,7 +14,7 @@ from napari_unpack.layers import compat
 from napari_unpack.widgets.object_columns import Column
 from napari_unpack.widgets.section import label
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
-from opened_panel import press, rest
+from opened_panel import controller_with, press, rest
 
 NAMES = ("Doll <body>", "A<B", "Tube <5 mm", "<b>5 ml</b> syringe", "A &lt; B", "Salt & <i>sugar")
 Format = Qt.TextFormat
@@ -65,6 +65,17 @@ def test_names_are_whole_in_sentences(panel: UnpackingWidget, named: Any, qtbot:
     qtbot.waitUntil(lambda: "touches" in facts.text(), timeout=20000)
     touching = shown(facts).splitlines()[-1]
     assert sum(name in touching for name in NAMES) >= 2
+
+
+def test_the_status_bar_is_as_it_was_when_the_panel_is_closed(
+    viewer: Any, panel: UnpackingWidget, expert: Any, qtbot: QtBot
+) -> None:
+    labels = compat.native_window(viewer).statusBar().findChildren(QLabel)
+    before = [words.textFormat() for words in labels]
+    controller_with(panel, qtbot, expert)
+    assert {words.textFormat() for words in labels} == {Format.PlainText}
+    panel.end()
+    assert [words.textFormat() for words in labels] == before
 
 
 def test_every_label_says_how_it_is_read(panel: UnpackingWidget, named: Any) -> None:

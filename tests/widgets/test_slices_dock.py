@@ -414,10 +414,34 @@ def test_docks_below_leave_the_window_no_taller_than_a_laptops_screen(
     for opener in (panel.objects.table_button, panel.slices):
         press(qtbot, opener.button)
         qtbot.waitUntil(opener.dock.isVisible, timeout=5000)
-        qtbot.wait(100)
-        assert window.dockWidgetArea(opener.dock.parentWidget()) == below
+        frame = opener.dock.parentWidget()
+        assert window.dockWidgetArea(frame) == below
+        # Once the window has laid it out, which makes the window taller where it has to.
+        qtbot.waitUntil(
+            lambda frame=frame: (
+                frame.y() > window.centralWidget().geometry().bottom()
+                and frame.height() >= frame.minimumSizeHint().height()
+            ),
+            timeout=5000,
+        )
         assert window.height() == 768
         press(qtbot, opener.button)
+
+
+@pytest.mark.parametrize("slices_first", [True, False])
+def test_the_window_has_its_corners_back_when_the_panel_is_closed(
+    viewer: Any, panel: Any, piled: Any, qtbot: QtBot, slices_first: bool
+) -> None:
+    window = compat.native_window(viewer)
+    window.resize(1000, 768)
+    before = [window.corner(corner) for corner in Qt.Corner]
+    openers = (panel.objects.table_button, panel.slices)
+    for opener in openers[::-1] if slices_first else openers:
+        press(qtbot, opener.button)
+        qtbot.waitUntil(opener.dock.isVisible, timeout=5000)
+    assert [window.corner(corner) for corner in Qt.Corner] != before
+    panel.end()
+    assert [window.corner(corner) for corner in Qt.Corner] == before
 
 
 def test_a_closed_dock_does_nothing_and_comes_back_as_it_was(

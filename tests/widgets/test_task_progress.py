@@ -5,9 +5,12 @@ from time import monotonic
 
 import pytest
 from pytestqt.qtbot import QtBot
+from qtpy.QtWidgets import QVBoxLayout, QWidget
 
+from keys import KEY, Keys
 from napari_unpack.tasks import Progress
 from napari_unpack.viewer.scheduler import Scheduler
+from napari_unpack.widgets.section import button
 from napari_unpack.widgets.task_progress import TaskProgress
 
 
@@ -66,3 +69,33 @@ def test_cancel_answers_within_a_second_whatever_the_work_is_doing(qtbot: QtBot)
         bar.begin(lambda _: "the next")
     go_on.set()
     assert [outcome.get() for outcome in ended] == ["the next"]
+
+
+def test_cancel_hands_its_key_to_no_other_when_the_work_is_done(qtbot: QtBot) -> None:
+    scheduler, window = Scheduler(), QWidget()
+    qtbot.addWidget(window)
+    progress = TaskProgress(scheduler, "Stop.", "Confidence")
+    begin, other = button("Built-in", ""), button("Measure", "")
+    layout = QVBoxLayout(window)
+    for widget in (begin, progress, other):
+        layout.addWidget(widget)
+    goes_on, pressed = threading.Event(), []
+    begin.clicked.connect(lambda: progress.begin(lambda _: goes_on.wait(10)))
+    other.clicked.connect(lambda: pressed.append(other))
+    # What began it can be done once.
+    progress.ended.connect(lambda _: begin.setEnabled(False))
+    window.show()
+    keys = Keys(window, qtbot)
+    begin.setFocus()
+    with qtbot.waitSignal(progress.ended, timeout=10000):
+        keys.press(KEY.Key_Space)
+        assert keys.focus == "Cancel: Confidence"
+        goes_on.set()
+    assert not progress.isVisible()
+    keys.press(KEY.Key_Space)
+    assert not pressed
+    assert not progress.running
+    # Tab goes on from there.
+    keys.press(KEY.Key_Tab)
+    assert keys.focus == "Measure"
+    scheduler.close()

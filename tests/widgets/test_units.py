@@ -267,6 +267,42 @@ def test_numbers_have_a_point_whatever_the_systems_are(
             assert box.value() == 0.5
 
 
+@pytest.mark.parametrize(
+    ("pasted", "sentence"),
+    [
+        ("1,500", "1,500 may be 1.500 or 1500: write one of these."),
+        ("-12,345", "12,345 may be 12.345 or 12345: write one of these."),
+        ("1,500 mm³", "1,500 may be 1.500 or 1500: write one of these."),
+    ],
+)
+def test_a_pasted_number_whose_comma_may_stand_for_thousands_is_refused_in_a_sentence(
+    panel: Any, pasted: str, sentence: str
+) -> None:
+    box = panel.segment.options.smallest
+    box.setRange(-1e6, 1e6)
+    box.setDecimals(3)
+    box.setSuffix(" mm³")
+    box.setValue(7.0)
+    shown, field = box.text(), box.findChild(QLineEdit)
+    before = len(notification_manager.records)
+    QApplication.clipboard().setText(pasted)
+    field.selectAll()
+    field.paste()
+    assert field.text() == shown
+    box.interpretText()
+    assert box.value() == 7.0
+    (said,) = [notice.message for notice in notification_manager.records[before:]]
+    assert said == sentence
+    # Nothing is in doubt where more digits stand before the comma, or none of worth.
+    for text, value in (("12345,678", 12345.678), ("0,500", 0.5)):
+        QApplication.clipboard().setText(text)
+        field.selectAll()
+        field.paste()
+        box.interpretText()
+        assert box.value() == value
+    assert len(notification_manager.records) == before + 1
+
+
 def test_a_voxel_size_typed_in_micrometres_is_that_of_a_layer_in_micrometres(
     viewer: Any, panel: Any
 ) -> None:

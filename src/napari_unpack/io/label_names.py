@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import io
 import re
@@ -84,11 +85,16 @@ def load_label_names(path: str | Path) -> dict[int, NamedLabel]:
 
 
 def _text(data: bytes) -> str:
+    # Line by line: one that another program wrote, or that is cut, spoils no others.
+    return "".join(map(_line_text, data.removeprefix(codecs.BOM_UTF8).splitlines(keepends=True)))
+
+
+def _line_text(line: bytes) -> str:
     try:
-        return data.decode("utf-8-sig")
+        return line.decode()
     except UnicodeDecodeError:
         # Of an older program on Windows. Five bytes mean nothing there.
-        return data.decode("cp1252", errors="replace")
+        return line.decode("cp1252", errors="replace")
 
 
 def _lines(text: str) -> Iterator[tuple[int, NamedLabel]]:

@@ -42,12 +42,12 @@ def get_reader(path: str | Sequence[str]) -> Callable[[Any], list[LayerData]] | 
 def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerData]:
     """Read a file into napari layers: an Image, and Labels where there are any.
 
-    With `scale` and `units` in mm. An OME-Zarr label image becomes Labels alone. A multiscale
-    OME-Zarr whose finest level does not fit into memory becomes layers of all its levels, which are
-    not read; of those the panel unpacks the finest that does. Several channels or time points stay
-    axes in front of z, y, x, from which the panel lets one be chosen. Names of objects become the
-    labels' `features`. What had to be assumed of the file is a warning, which napari shows, and in
-    `metadata["assumed"]`; `metadata["scanner_from_scan"]` is as in a `Scan`.
+    With `scale` and `units` in mm. An OME-Zarr label image of whole numbers becomes Labels alone. A
+    multiscale OME-Zarr whose finest level does not fit into memory becomes layers of all its
+    levels, which are not read; of those the panel unpacks the finest that does. Several channels or
+    time points stay axes in front of z, y, x, from which the panel lets one be chosen. Names of
+    objects become the labels' `features`. What had to be assumed of the file is a warning, which
+    napari shows, and in `metadata["assumed"]`; `metadata["scanner_from_scan"]` is as in a `Scan`.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerDat
     """
     from napari_unpack.io.arrays import read_names
     from napari_unpack.io.label_names import is_segmentation, load_label_names, names_of_labels
-    from napari_unpack.io.ome_zarr import is_label_image
+    from napari_unpack.io.ome_zarr import holds_ids, is_label_image
     from napari_unpack.io.volumes import read_file, stem_of, suffix_of
 
     first = Path(path if isinstance(path, str) else path[0])
@@ -76,11 +76,13 @@ def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerDat
         return stored
     _tell_assumed(first, found)
     names = read_names(first) if found.volume is not None and suffix_of(first) == ".npz" else None
-    if is_segmentation(first):
+    # What says that it holds labels may hold shares or a mask of fractions.
+    ids = found.volume is not None and holds_ids(found.volume)
+    if ids and is_segmentation(first):
         # Voxels of 3D Slicer's segmentations are labels, which the header names.
         found = replace(found, volume=None, labels=found.volume)
         names = names_of_labels(load_label_names(first))
-    elif _is_zarr(first) and is_label_image(first):
+    elif ids and _is_zarr(first) and is_label_image(first):
         found = replace(found, volume=None, labels=found.volume)
     layers: list[LayerData] = []
     if found.volume is not None:
@@ -143,7 +145,10 @@ def _label_attributes(found: FileData, name: str, beside_image: bool) -> dict[st
 
 def _features(names: Mapping[int, str]) -> dict[str, list[Any]]:
     """Return names as napari shows them when the mouse is on a label."""
-    return {"index": list(names), "name": list(names.values())}
+    from napari_unpack.session.labels import one_line
+
+    # The status bar has one line.
+    return {"index": list(names), "name": [one_line(name) for name in names.values()]}
 
 
 def _keys(path: Path) -> set[str]:

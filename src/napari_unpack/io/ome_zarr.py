@@ -101,12 +101,13 @@ def stored_levels(path: Path) -> StoredLevels | None:
     image = _levels(node)
     if len(image) < 2 or not described.axes.endswith(SPACE):
         return None
-    if _says_labels(node):
+    if _says_labels(node) and holds_ids(image[0]):
         return StoredLevels(described, [], image)
     names = list(_label_names(node))
     labels = _levels(node["labels"][names[0]]) if names else []
     finest = image[0].shape[-len(SPACE) :]
-    return StoredLevels(described, image, labels if labels and labels[0].shape == finest else [])
+    fit = labels and labels[0].shape == finest and holds_ids(labels[0])
+    return StoredLevels(described, image, labels if fit else [])
 
 
 def _levels(node: Any) -> list[Any]:
@@ -268,6 +269,11 @@ def is_label_image(path: Path) -> bool:
         return _says_labels(_opened(path))
     except ValueError:
         return False
+
+
+def holds_ids(array: Any) -> bool:
+    """Tell whether an array's numbers can be IDs: whole numbers, or true and false."""
+    return array.dtype.kind in "iub"
 
 
 def _says_labels(node: Any) -> bool:

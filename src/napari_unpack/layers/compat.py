@@ -362,16 +362,6 @@ def refresh_status(viewer: napari.Viewer) -> None:
         thread.trigger_status_update()
 
 
-def show_status_as_written(viewer: napari.Viewer) -> None:
-    """Have the status bar show names as they are: by itself Qt takes some for HTML."""
-    from qtpy.QtCore import Qt
-    from qtpy.QtWidgets import QLabel
-
-    window = native_window(viewer)
-    for words in () if window is None else window.statusBar().findChildren(QLabel):
-        words.setTextFormat(Qt.TextFormat.PlainText)
-
-
 def when_window_closes(viewer: napari.Viewer, callback: Callable[[], None]) -> Callable[[], None]:
     """Call back when the viewer's window is taken down; return what calls that off.
 

@@ -83,7 +83,7 @@ def object_table(
     # Ground truth of simulated bags says kinds and no names.
     if "name" not in known and "kind" in known:
         found["name"] = [
-            f"{one_line(kind).capitalize()} {i}" if isinstance(kind, str) else f"Object {i}"
+            f"{(isinstance(kind, str) and one_line(kind).capitalize()) or 'Object'} {i}"
             for i, kind in zip(known_by, known["kind"], strict=True)
         ]
     for column in found:
@@ -96,10 +96,15 @@ def object_table(
 
 
 def _names(column: pd.Series) -> pd.Series:
-    """Return names as text; whole numbers that stood beside missing ones without a fraction."""
+    """Return names as text, NaN for blank ones.
+
+    Whole numbers that stood beside missing ones have no fraction.
+    """
     return column.map(
         lambda name: (
-            str(int(name)) if isinstance(name, float) and name % 1 == 0 else one_line(str(name))
+            str(int(name))
+            if isinstance(name, float) and name % 1 == 0
+            else one_line(str(name)) or np.nan
         ),
         na_action="ignore",
     ).infer_objects()

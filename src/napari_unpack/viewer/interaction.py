@@ -19,7 +19,7 @@ from napari_unpack.viewer.brush import Brush
 from napari_unpack.viewer.direction_arrow import Pencil
 from napari_unpack.viewer.layer_tables import describe, hint
 from napari_unpack.viewer.multi_selection import RubberBand, SliceBand, chosen
-from napari_unpack.viewer.plain_text import show_tip
+from napari_unpack.viewer.plain_text import show_status_as_written, show_tip
 from napari_unpack.viewer.protocols import ClickTool, MouseEvent, Pixel
 from napari_unpack.viewer.surface_points import label_at
 
@@ -67,6 +67,7 @@ class Interaction:
         self._pointed = 0
         self._clicked: tuple[Pixel | None, int] = None, 0
         self._theirs = list(target.viewer.mouse_double_click_callbacks)
+        self._put_status_back: Callable[[], None] = lambda: None
 
     def open(self) -> None:
         """Take the mouse."""
@@ -76,7 +77,7 @@ class Interaction:
         viewer.mouse_double_click_callbacks[:] = [self._double_click]
         viewer.mouse_move_callbacks.append(self._move)
         viewer.mouse_drag_callbacks.append(self._drag)
-        compat.show_status_as_written(viewer)
+        self._put_status_back = show_status_as_written(viewer)
 
     def close(self) -> None:
         """Give the mouse back."""
@@ -87,6 +88,7 @@ class Interaction:
             viewer.mouse_move_callbacks.remove(self._move)
         if self._drag in viewer.mouse_drag_callbacks:
             viewer.mouse_drag_callbacks.remove(self._drag)
+        self._put_status_back()
 
     @property
     def pointed(self) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Generic, TypeVar
+from weakref import ref
 
 from qtpy.QtCore import QSignalBlocker, Qt, Signal
 from qtpy.QtGui import QHideEvent, QShowEvent
@@ -61,12 +62,6 @@ class DockContents(QWidget):
         self.shown.emit(False)
 
 
-def keep_below_low(window: QMainWindow) -> None:
-    """Have docks at the bottom stand beside those at the left, not beneath them."""
-    # Those of napari are tall: beneath them, a dock makes the window taller than a screen.
-    window.setCorner(Qt.Corner.BottomLeftCorner, Qt.DockWidgetArea.LeftDockWidgetArea)
-
-
 D = TypeVar("D", bound=DockContents)
 
 
@@ -99,11 +94,35 @@ class DockButton(Generic[D]):
         self._viewer, self._make, self._add = viewer, make, add
         self.button = button
         self.dock: D | None = None
+        # Whoever keeps this must not keep the window.
+        self._corners: list[tuple[ref[QMainWindow], Qt.Corner, Qt.DockWidgetArea]] = []
         button.setCheckable(True)
         button.toggled.connect(self._toggle)
 
+    def give_corner(self, window: QMainWindow, corner: Qt.Corner, area: Qt.DockWidgetArea) -> None:
+        """Have the docks at one side of the window fill one of its corners until the end.
+
+        Parameters
+        ----------
+        window : QMainWindow
+        corner : Qt.Corner
+        area : Qt.DockWidgetArea
+            The side.
+        """
+        before = window.corner(corner)
+        # What another dock of ours has changed is put back by that one.
+        if before != area:
+            self._corners.append((ref(window), corner, before))
+            window.setCorner(corner, area)
+
+    def keep_below_low(self, window: QMainWindow) -> None:
+        """Have docks at the bottom stand beside those at the left, not beneath them."""
+        # Those of napari are tall: beneath them, a dock makes the window taller than a screen.
+        left = Qt.DockWidgetArea.LeftDockWidgetArea
+        self.give_corner(window, Qt.Corner.BottomLeftCorner, left)
+
     def end(self) -> None:
-        """Take the dock away."""
+        """Take the dock away, and give the window its corners back."""
         dock, self.dock = self.dock, None
         if dock is None:
             return
@@ -113,6 +132,12 @@ class DockButton(Generic[D]):
         with suppress(LookupError, RuntimeError, AttributeError):
             unwrap(self._viewer).window.remove_dock_widget(dock)
         dock.deleteLater()
+        for known, corner, area in self._corners:
+            window = known()
+            if window is not None:
+                with suppress(RuntimeError):
+                    window.setCorner(corner, area)
+        self._corners.clear()
 
     def _toggle(self, wanted: bool) -> None:
         if self.dock is None:

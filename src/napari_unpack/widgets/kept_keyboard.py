@@ -1,11 +1,10 @@
-"""What has the keyboard keeps it when it is spent, so that the same key acts on nothing else."""
+"""What is disabled or hidden keeps the keyboard it had, so that its key acts on nothing else."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from qtpy.QtCore import QEvent
-from qtpy.QtWidgets import QApplication
 
 if TYPE_CHECKING:
     from qtpy.QtWidgets import QWidget as _Any
@@ -24,8 +23,9 @@ class KeepsKeyboard(_Any):
     def focusNextPrevChild(self, onwards: bool) -> bool:
         """Give the keyboard to the next widget, or to the one before."""
         # Of what cannot be used, Qt asks this to hand the keyboard on unasked.
-        spent = not (self.isEnabled() and self.isVisible())
-        if spent and isinstance(QApplication.focusWidget(), KeepsKeyboard):
+        usable = self.isEnabled() and self.isVisible()
+        # The window's own: the application has none, or another's, while this one is not active.
+        if not usable and isinstance(self.window().focusWidget(), KeepsKeyboard):
             return True
         return bool(super().focusNextPrevChild(onwards))
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from qtpy.QtCore import QObject, Qt
 
 from napari_unpack.layers.compat import native_window, unwrap
-from napari_unpack.widgets.dock_button import DockButton, keep_below_low
+from napari_unpack.widgets.dock_button import DockButton
 from napari_unpack.widgets.remembered import remembered
 from napari_unpack.widgets.section import button
 from napari_unpack.widgets.workspace import Workspace
@@ -68,9 +68,10 @@ class SlicesButton(QObject):
     def _add(self, dock: SlicesDock) -> None:
         viewer = self._workspace.viewer
         if (native := native_window(viewer)) is not None:
-            keep_below_low(native)
+            self._opener.keep_below_low(native)
             # Slices are tall as well: above them nothing would be left of the panel.
-            native.setCorner(Qt.Corner.BottomRightCorner, Qt.DockWidgetArea.RightDockWidgetArea)
+            right = Qt.DockWidgetArea.RightDockWidgetArea
+            self._opener.give_corner(native, Qt.Corner.BottomRightCorner, right)
         window = unwrap(viewer).window
         window.add_dock_widget(dock, name=NAME, area="bottom", add_vertical_stretch=False)
 

@@ -9,7 +9,7 @@ from qtpy.QtCore import QObject, Qt
 from qtpy.QtWidgets import QDockWidget, QMainWindow, QWidget
 
 from napari_unpack.layers.compat import unwrap
-from napari_unpack.widgets.dock_button import DockButton, DockContents, keep_below_low
+from napari_unpack.widgets.dock_button import DockButton, DockContents
 from napari_unpack.widgets.objects_pane import ObjectsPane
 from napari_unpack.widgets.section import button, column, row
 from napari_unpack.widgets.theme import GAP
@@ -114,7 +114,7 @@ class TableButton(QObject):
             return
         middle = window.centralWidget()
         if middle is not None and middle.width() < WIDTH + LEAST_PICTURE:
-            keep_below_low(window)
+            self._opener.keep_below_low(window)
             window.addDockWidget(Qt.DockWidgetArea.BottomDockWidgetArea, frame)
         elif panel is not None:
             window.splitDockWidget(frame, panel, Qt.Orientation.Horizontal)

@@ -11,6 +11,7 @@ from qtpy.QtWidgets import QAbstractButton, QHBoxLayout, QProgressBar, QWidget
 
 from napari_unpack.tasks import Cancelled, Progress, Task, TaskResult
 from napari_unpack.viewer.scheduler import Scheduler, Worker
+from napari_unpack.widgets.kept_keyboard import KeepsKeyboard
 from napari_unpack.widgets.section import button, column, label
 
 # More than the bar has pixels, so that it moves without steps.
@@ -52,7 +53,7 @@ class SmoothBar(QProgressBar):
         self._glide.start()
 
 
-class TaskProgress(QWidget):
+class TaskProgress(KeepsKeyboard, QWidget):
     """Runs one task at a time, and is shown only while it runs.
 
     Signals, on the main thread: `progressed` (fraction in [0, 1], text); `ended` (`TaskResult`)

@@ -14,6 +14,7 @@ from napari_unpack.geometry.length_unit import MM, UNITS, LengthUnit
 from napari_unpack.layers.placement import assumed_of, spacing_of, unit_of
 from napari_unpack.widgets.narrow import SIZED, Choice
 from napari_unpack.widgets.notifications import errors_shown
+from napari_unpack.widgets.number_box import THOUSANDS
 from napari_unpack.widgets.section import label
 from napari_unpack.widgets.theme import GAP
 
@@ -155,8 +156,6 @@ class VoxelSize(QWidget):
 
 # Between numbers; a comma among digits may be within one.
 BETWEEN = re.compile(r"(?:[\s×x;]|,(?!\d)|(?<!\d),)+")
-# A comma here may as well stand for thousands.
-THOUSANDS = re.compile(r"[1-9]\d{0,2},\d{3}")
 
 
 def edges_of(text: str) -> tuple[float, float, float]:
