@@ -133,6 +133,57 @@ def test_a_bag_opened_while_the_one_before_is_scored_is_scored_as_well(
     assert other.label_editor.oracle is not None
 
 
+def test_scoring_that_fails_is_told_once_and_not_begun_again(
+    taught, qtbot, tmp_path, monkeypatch
+) -> None:
+    panel, _ = taught
+    box, path = panel.objects.confidence, tmp_path / "mine.npz"
+    fit_features(np.random.default_rng(0).normal(size=(40, len(FEATURES)))).save(path)
+    box.use_oracle(str(path))
+    qtbot.waitUntil(lambda: not box.running, timeout=60000)
+    told, calls = [], []
+
+    def broken(*_, **__):
+        calls.append(None)
+        raise MemoryError("no memory")
+
+    monkeypatch.setattr("napari_unpack.widgets.notifications.warn", told.append)
+    monkeypatch.setattr("napari_unpack.segmentation.object_table.confidences", broken)
+    panel.workspace.open(other := Session(*pile_of_balls()))
+    qtbot.waitUntil(lambda: panel.workspace.settled and not box.running, timeout=60000)
+    qtbot.wait(500)
+    assert len(calls) == 1
+    assert told == ["No memory."]
+    assert "Using the built-in model" in box.sentence.text()
+    assert other.label_editor.oracle is None
+
+
+def test_a_file_that_is_no_model_begins_nothing_that_was_called_off(
+    taught, qtbot, tmp_path, monkeypatch
+) -> None:
+    panel, _ = taught
+    box, path = panel.objects.confidence, tmp_path / "mine.npz"
+    fit_features(np.random.default_rng(0).normal(size=(40, len(FEATURES)))).save(path)
+    box.use_oracle(str(path))
+    qtbot.waitUntil(lambda: not box.running, timeout=60000)
+
+    def endless(labels, volume, spacing, oracle, share, ids=None):
+        while True:
+            share(0.5)
+
+    with monkeypatch.context() as patched:
+        patched.setattr("napari_unpack.segmentation.object_table.confidences", endless)
+        panel.workspace.open(other := Session(*pile_of_balls()))
+        press(qtbot, box.progress.cancel)
+        qtbot.waitUntil(lambda: not box.running, timeout=5000)
+    (tmp_path / "other.npz").write_text("no model")
+    warned = []
+    monkeypatch.setattr("napari_unpack.widgets.notifications.warn", warned.append)
+    box.use_oracle(str(tmp_path / "other.npz"))
+    qtbot.waitUntil(lambda: len(warned) == 1 and not box.running, timeout=60000)
+    assert other.label_editor.oracle is None
+
+
 def test_an_earlier_file_stays_where_training_is_called_off_while_it_scores(
     taught, qtbot, tmp_path, monkeypatch
 ):

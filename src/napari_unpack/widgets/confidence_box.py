@@ -193,16 +193,21 @@ class ConfidenceBox(Collapsible):
             self.refresh()
 
     def _end(self, outcome: TaskResult[Scores]) -> None:
-        session = self._scored
-        if outcome.cancelled or session is None:
-            self.refresh()
-            return
-        with notifications.errors_shown():
-            scores = outcome.get()
-            self._oracle = scores.rating.oracle
-            self._take(session, scores)
-        # Also one opened meanwhile, when this work was in its way.
-        self._follow()
+        session, taken = self._scored, False
+        try:
+            if session is not None and not outcome.cancelled:
+                with notifications.errors_shown():
+                    scores = outcome.get()
+                    self._oracle = scores.rating.oracle
+                    self._take(session, scores)
+                    taken = True
+        finally:
+            # Also one opened meanwhile, when this work was in its way. Never at once again what
+            # has failed or was called off.
+            if taken or self._workspace.session is not session:
+                self._follow()
+            else:
+                self.refresh()
 
     def _follow(self) -> None:
         """Score a newly shown session by the model chosen here, unless it has one of its own."""
