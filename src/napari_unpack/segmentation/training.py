@@ -125,7 +125,7 @@ def _trained(bags: Iterable[Labelled], seed: int, share: Share) -> Oracle:
             f"from, got {len(good)}"
         )
     fitting = share.part(0.9, 1.0, f"Learning from {len(good)} objects")
-    wrong = np.array(bad) if len(bad) >= 8 else None
+    wrong = np.array(bad) if len(bad) >= FEWEST else None
     oracle = fit_features(np.array(good), wrong, seed, fitting)
     fitting(1.0)
     return oracle
