@@ -165,7 +165,8 @@ def train_on_examples(
     """
     wanted = np.array(sorted(examples), np.int64)
     kept = np.where(np.isin(labels, wanted), labels, 0)
-    usable = usable_examples(wanted, *np.unique(kept, return_counts=True))
+    boxes = label_boxes(kept)
+    usable = usable_examples(wanted, boxes.ids, boxes.counts)
     if usable < FEWEST:
         raise ValueError(
             f"an oracle needs at least {FEWEST} examples of {SMALLEST} voxels or more to be "
