@@ -324,6 +324,9 @@ def test_a_session_of_today_keeps_to_the_schema(tmp_path: Path) -> None:
     own = told(tmp_path / "own.unpack")
     jsonschema.validate(own, SCHEMA)
     assert own.keys() - record.keys() == {"model"}
+    session.use_oracle(None, {1: 0.5})
+    nu.save_session(session, tmp_path / "built-in.unpack")
+    jsonschema.validate(told(tmp_path / "built-in.unpack"), SCHEMA)
     record["session"]["situation"]["hues"]["1"] = 2  # type: ignore[index]
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(record, SCHEMA)

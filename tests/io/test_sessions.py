@@ -554,10 +554,13 @@ def test_a_model_of_ones_own_is_saved_with_the_session_it_scored(tmp_path: Path)
     (whole,) = {1, 2} & set(found.ids)
     wanted = confidences(found.labels, found.volume, tuple(found.spacing), oracle)[whole]
     assert found.objects["confidence"][whole] == pytest.approx(wanted)
-    # Of another version nothing is believed; what is damaged is refused.
-    foreign = nu.open_session(changed(path, setting("model", "format", to="oracle 9")))
-    assert foreign.label_editor.oracle is None
-    assert foreign.objects["confidence"].isna().all()
+    # Of another version nothing is believed, and all is scored anew; what is damaged is refused.
+    with pytest.warns(UserWarning, match="by a model of another version"):
+        foreign = nu.open_session(changed(path, setting("model", "format", to="oracle 9")))
+    for bag in (foreign, *foreign.opened_bags.worked_in(foreign).values()):
+        assert bag.label_editor.oracle is None
+        assert bag.objects["confidence"].isna().all()
+        assert scored(bag) == confidences(bag.labels, bag.volume, tuple(bag.spacing))
     nu.save_session(session, path)
     damaged = changed(path, setting("model", "arrays", "axes", "shape", to=[2, 2]))
     with pytest.raises(ValueError, match="model is damaged: axes cannot be read"):
@@ -566,6 +569,57 @@ def test_a_model_of_ones_own_is_saved_with_the_session_it_scored(tmp_path: Path)
     session.use_oracle(lambda region: 0.5, dict.fromkeys(session.ids, 0.5))
     found = nu.open_session(nu.save_session(session, path))
     assert set(found.objects["confidence"]) == {0.5}
+
+
+def scored(session: nu.Session) -> dict[int, float]:
+    """Return the confidences once what has none was scored."""
+    task = session.label_editor.missing_scores_task()
+    assert task is not None
+    session.label_editor.take_scores(task.run(lambda *_: None))
+    return dict(session.objects["confidence"])
+
+
+def test_what_the_built_in_model_has_not_scored_yet_is_scored_after_opening(tmp_path: Path) -> None:
+    session = nu.Session(*tin())
+    session.use_oracle(None, {2: 0.5})
+    found = nu.open_session(nu.save_session(session, tmp_path / "a.unpack"))
+    wanted = confidences(found.labels, found.volume, tuple(found.spacing))
+    assert found.objects["confidence"].isna().sum() == len(found.ids) - 1
+    assert scored(found) == wanted | {2: 0.5}
+    # What came with the labels is nobody's to replace.
+    given = nu.open_session(nu.save_session(nu.Session(*tin()), tmp_path / "b.unpack"))
+    assert given.label_editor.missing_scores_task() is None
+
+
+def test_the_scores_inside_an_object_are_kept_by_the_model_of_the_bag(tmp_path: Path) -> None:
+    path, session = tmp_path / "tin.unpack", nu.Session(*tin())
+    oracle, other = (
+        fit_features(np.random.default_rng(k).normal(size=(40, len(FEATURES)))) for k in (0, 1)
+    )
+    session.use_oracle(oracle, dict.fromkeys(session.ids, 0.5))
+    inner = session.opened_bags.open(session, 1)
+    inner.use_oracle(oracle, dict.fromkeys(inner.ids, 0.25))
+    inner.rename(inner.ids[-1], "a coin")
+
+    def again() -> nu.Session:
+        found = nu.open_session(nu.save_session(session, path))
+        (kept,) = found.opened_bags.worked_in(found).values()
+        assert list(kept.objects["confidence"]) == list(inner.objects["confidence"])
+        return found
+
+    found = again()
+    # Written once, and the same one after.
+    with zipfile.ZipFile(path) as archive:
+        (told,) = json.loads(archive.read("session.json"))["containers"]
+    assert "model" not in told
+    assert set(found.opened_bags.open(found, 1).objects["confidence"]) == {0.25}
+    found.opened_bags.leave(found, 1)
+    assert set(found.objects["confidence"]) == {0.5}
+    # Not yet scored by the bag's model of now, or by nothing that a file can hold.
+    for model in (None, other, lambda region: 0.75):
+        inner.use_oracle(model, dict.fromkeys(inner.ids, 0.75))
+        (kept,) = (found := again()).opened_bags.worked_in(found).values()
+        assert kept.label_editor.oracle is not found.label_editor.oracle
 
 
 def test_tables_of_pandas_own_types_are_saved_and_names_in_them_change(tmp_path: Path) -> None:

@@ -229,6 +229,11 @@ def test_a_damaged_foreign_or_old_file_is_refused(oracle, tmp_path):
     np.savez(path, **arrays | {"center": arrays["center"][:5]})
     with pytest.raises(ValueError, match="do not fit"):
         Oracle.load(path)
+    # Of fitting shapes, and yet the first repair would fail by it.
+    for name, change in (("scale", 0), ("good_weights", -1), ("good_covariances", -1)):
+        np.savez(path, **arrays | {name: change * arrays[name]})
+        with pytest.raises(ValueError, match="are those of no model"):
+            Oracle.load(path)
     with pytest.raises(FileNotFoundError):
         Oracle.load(tmp_path / "none.npz")
     with ZipFile(path, "w") as archive:

@@ -366,16 +366,39 @@ def test_what_undo_and_redo_bring_back_is_scored_by_the_model_in_use() -> None:
     # Undone far at once, as the viewer does it, and the model changed in between.
     s.split(1, LEFT, RIGHT)
     s.undo()
-    s.redo()
-    s.rename(1, "Weight")
     task = s.queries.labels_task("undo")
+    assert task is not None
     s.use_oracle(lambda region: 0.25, dict.fromkeys(s.ids, 0.25))
-    if task is not None:
-        s.queries.store(task.key, task.run(no_progress))
-    while s.undo():
-        pass
+    # Of another model: it is refused, and undo goes by the one in use.
+    assert not s.queries.store(task, task.run(no_progress))
+    s.undo()
     score_missing(s)
     assert s.objects.confidence.tolist() == [0.25, 0.25, 0.25]
+
+
+def test_labels_worked_out_beforehand_have_the_scores_of_now() -> None:
+    s = session()
+    s.merge([2, 3])
+    s.split(1, LEFT, RIGHT)
+    s.undo()
+    s.use_oracle(lambda region: region.voxels / 5000, {})
+    task = s.queries.labels_task("undo")
+    assert task is not None
+    data = task.run(no_progress)
+    assert s.queries.store(task, data)
+    score_missing(s)
+    s.undo()
+    assert s.labels is data.labels
+    assert s.objects.confidence[1] == s.objects.voxels[1] / 5000
+    score_missing(s)
+
+
+def test_a_repaired_object_that_a_model_has_no_number_for_has_0_as_in_the_whole_table() -> None:
+    s = session()
+    s.use_oracle(lambda region: float("nan"), dict.fromkeys(s.ids, 0.5))
+    s.merge([2, 3])
+    assert sorted(s.objects.confidence) == [0.0, 0.5]
+    assert s.label_editor.missing_scores_task() is None
 
 
 def test_what_is_repaired_while_a_model_scores_is_scored_again() -> None:

@@ -375,3 +375,27 @@ def test_what_is_inside_an_object_is_scored_by_the_model_of_the_bag() -> None:
     assert outer.objects["confidence"].isna().all()
     assert outer.opened_bags.open(outer, 1) is bag
     assert set(bag.objects["confidence"]) == {0.1}
+
+
+def test_a_model_chosen_for_the_bag_while_an_object_is_open_stays() -> None:
+    outer = Session(*tin())
+
+    def first(region):
+        return 0.5
+
+    def second(region):
+        return 0.75
+
+    for given in (None, first):
+        outer.use_oracle(given, dict.fromkeys(outer.ids, 0.5))
+        bag = outer.opened_bags.open(outer, 1)
+        outer.use_oracle(second, dict.fromkeys(outer.ids, 0.75))
+        outer.opened_bags.leave(outer, 1)
+        assert outer.label_editor.oracle is second
+        assert set(outer.objects["confidence"]) == {0.75}
+        # Opened once more, the inside goes by it, and one chosen there is carried out.
+        assert outer.opened_bags.open(outer, 1) is bag
+        assert bag.label_editor.oracle is second
+        bag.use_oracle(first, dict.fromkeys(bag.ids, 0.5))
+        outer.opened_bags.leave(outer, 1)
+        assert outer.label_editor.oracle is first

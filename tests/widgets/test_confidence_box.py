@@ -1,5 +1,7 @@
 """Marking objects good, training on them, loading and going back to the default."""
 
+from threading import Event
+
 import numpy as np
 import pytest
 
@@ -104,7 +106,7 @@ def test_scoring_shows_its_progress_and_can_be_cancelled(taught, qtbot, tmp_path
     box, path = panel.objects.confidence, tmp_path / "mine.npz"
     fit_features(np.random.default_rng(0).normal(size=(40, len(FEATURES)))).save(path)
 
-    def endless(labels, volume, spacing, oracle, share):
+    def endless(labels, volume, spacing, oracle, share, ids=None):
         while True:
             share(0.5)
 
@@ -133,6 +135,95 @@ def test_a_bag_opened_while_the_one_before_is_scored_is_scored_as_well(
     assert other.label_editor.oracle is not None
 
 
+def test_scoring_that_fails_is_told_once_and_not_begun_again(
+    taught, qtbot, tmp_path, monkeypatch
+) -> None:
+    panel, _ = taught
+    box, path = panel.objects.confidence, tmp_path / "mine.npz"
+    fit_features(np.random.default_rng(0).normal(size=(40, len(FEATURES)))).save(path)
+    box.use_oracle(str(path))
+    qtbot.waitUntil(lambda: not box.running, timeout=60000)
+    told, calls = [], []
+
+    def broken(*_, **__):
+        calls.append(None)
+        raise MemoryError("no memory")
+
+    monkeypatch.setattr("napari_unpack.widgets.notifications.warn", told.append)
+    monkeypatch.setattr("napari_unpack.segmentation.object_table.confidences", broken)
+    panel.workspace.open(other := Session(*pile_of_balls()))
+    qtbot.waitUntil(lambda: panel.workspace.settled and not box.running, timeout=60000)
+    qtbot.wait(500)
+    assert len(calls) == 1
+    assert told == ["No memory."]
+    assert "Using the built-in model" in box.sentence.text()
+    assert other.label_editor.oracle is None
+
+
+def test_a_file_that_is_no_model_begins_nothing_that_was_called_off(
+    taught, qtbot, tmp_path, monkeypatch
+) -> None:
+    panel, _ = taught
+    box, path = panel.objects.confidence, tmp_path / "mine.npz"
+    fit_features(np.random.default_rng(0).normal(size=(40, len(FEATURES)))).save(path)
+    box.use_oracle(str(path))
+    qtbot.waitUntil(lambda: not box.running, timeout=60000)
+
+    def endless(labels, volume, spacing, oracle, share, ids=None):
+        while True:
+            share(0.5)
+
+    with monkeypatch.context() as patched:
+        patched.setattr("napari_unpack.segmentation.object_table.confidences", endless)
+        panel.workspace.open(other := Session(*pile_of_balls()))
+        press(qtbot, box.progress.cancel)
+        qtbot.waitUntil(lambda: not box.running, timeout=5000)
+    (tmp_path / "other.npz").write_text("no model")
+    warned = []
+    monkeypatch.setattr("napari_unpack.widgets.notifications.warn", warned.append)
+    box.use_oracle(str(tmp_path / "other.npz"))
+    qtbot.waitUntil(lambda: len(warned) == 1 and not box.running, timeout=60000)
+    assert other.label_editor.oracle is None
+
+
+def test_what_a_saved_bag_lacks_is_scored_with_a_bar_and_a_failure_is_told_once(
+    taught, qtbot, tmp_path, monkeypatch
+) -> None:
+    panel, _ = taught
+    box, path = panel.objects.confidence, tmp_path / "a.unpack"
+    bare = Session(*pile_of_balls())
+    bare.use_oracle(None, {})
+    save_session(bare, path)
+    waits = Event()
+    told = []
+
+    def failing(labels, volume, spacing, oracle, share, ids=None):
+        while not waits.wait(0.01):
+            share(0.5)
+        raise MemoryError("no memory")
+
+    monkeypatch.setattr("napari_unpack.widgets.notifications.warn", told.append)
+    with monkeypatch.context() as patched:
+        patched.setattr("napari_unpack.segmentation.object_table.confidences", failing)
+        panel.workspace.open(opened := open_session(path))
+        qtbot.waitUntil(lambda: box.progress.text.text() == "Scoring", timeout=20000)
+        assert box.sentence.text() == "Working…"
+        assert not box.progress.isHidden()
+        waits.set()
+        qtbot.waitUntil(lambda: not box.running, timeout=20000)
+        # A few: nobody waits for them, but a failure is told as well.
+        opened.use_oracle(None, dict.fromkeys(opened.ids[1:], 0.5))
+        panel.workspace.open(opened)
+        qtbot.waitUntil(lambda: len(told) == 2, timeout=20000)
+        qtbot.wait(500)
+    assert told == ["No memory."] * 2
+    opened.use_oracle(None, {})
+    panel.workspace.open(opened)
+    qtbot.waitUntil(lambda: opened.objects["confidence"].notna().all(), timeout=60000)
+    # What was missing chose no model for other sessions.
+    assert "Using the built-in model" in box.sentence.text()
+
+
 def test_an_earlier_file_stays_where_training_is_called_off_while_it_scores(
     taught, qtbot, tmp_path, monkeypatch
 ):
@@ -144,7 +235,7 @@ def test_an_earlier_file_stays_where_training_is_called_off_while_it_scores(
         "napari_unpack.segmentation.training.train_on_examples", lambda *_, **__: fitted
     )
 
-    def endless(labels, volume, spacing, oracle, share):
+    def endless(labels, volume, spacing, oracle, share, ids=None):
         while True:
             share(0.5)
 

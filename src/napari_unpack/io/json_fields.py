@@ -40,6 +40,10 @@ class Fields:
         """Tell whether a field is there and not null."""
         return self._data.get(name) is not None
 
+    def holds(self, name: str) -> bool:
+        """Tell whether a field is there, null or not."""
+        return name in self._data
+
     def __getitem__(self, name: str) -> Any:
         """Return a field as it is."""
         if name not in self._data:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.file_sizes import check_size, stored_size
 from napari_unpack.io.json_fields import Fields
-from napari_unpack.io.model_json import model_from, model_record, restore_model
+from napari_unpack.io.model_json import SavedModel, model_record, saved_model
 from napari_unpack.io.session_archive import (
     MANIFEST,
     QUICK,
@@ -158,8 +158,7 @@ def _check(manifest: dict[str, Any], session: Session) -> None:
     from napari_unpack.io.session_json import check_record
 
     check_record(manifest["session"], session)
-    if "model" in manifest:
-        model_from(Fields(manifest, MANIFEST))
+    saved_model(Fields(manifest, MANIFEST))
     inside = session.opened_bags.worked_in(session)
     for told in manifest["containers"]:
         _check(told, inside[told["object"]])
@@ -173,7 +172,7 @@ def _containers_record(session: Session) -> list[dict[str, Any]]:
         {
             "object": object_id,
             "session": record_of(bag),
-            **model_record(bag),
+            **model_record(bag, session),
             # As text: most are small, and those of large objects are long runs.
             "labels": b64encode(
                 compress(given_labels(bag).astype("<u2").tobytes(), QUICK)
@@ -184,10 +183,12 @@ def _containers_record(session: Session) -> list[dict[str, Any]]:
     ]
 
 
-def _restore_containers(session: Session, fields: Fields) -> None:
+def _restore_inside(session: Session, fields: Fields, model: SavedModel) -> None:
+    """Give a session the model of its file, and the bags that its objects were opened as."""
     from napari_unpack.io.session_json import session_from
     from napari_unpack.session.containers import begins_at, volume_inside
 
+    model.give_to(session)
     # Older files do not tell of them.
     for told in fields.parts("containers") if fields.has("containers") else ():
         object_id = told.integer("object", 1)
@@ -201,8 +202,7 @@ def _restore_containers(session: Session, fields: Fields) -> None:
         labels = np.frombuffer(flat, "<u2").reshape(volume.shape).astype(np.uint16)
         bag = session_from(told["session"], volume, labels)
         bag.first_voxel_mm = session.first_voxel_mm + begins_at(session, object_id)
-        restore_model(bag, told)
-        _restore_containers(bag, told)
+        _restore_inside(bag, told, saved_model(told, model))
         session.opened_bags.restore(session, object_id, bag)
 
 
@@ -268,8 +268,7 @@ def open_session(
         # Older files do not tell.
         if fields.has("first_voxel_mm"):
             session.first_voxel_mm = fields.array("first_voxel_mm", (3,))
-        restore_model(session, fields)
-        _restore_containers(session, fields)
+        _restore_inside(session, fields, saved_model(fields))
         if fields.has("evidence"):
             shape = session.labels.shape
             session.review.evidence = evidence_from(fields.part("evidence"), shape)

@@ -134,15 +134,27 @@ def object_table(
     return sums.table(spacing, confidences(labels, density, spacing, oracle, share))
 
 
+def confidence_in(oracle: Oracle, region: Region) -> float:
+    """Rate an object; 0 where the oracle has no number, as of densities too large.
+
+    Parameters
+    ----------
+    oracle : callable
+    region : Region
+    """
+    value = float(oracle(region))
+    return value if np.isfinite(value) else 0.0
+
+
 def confidences(
-    labels: NDArray[np.int32],
+    labels: NDArray[np.integer],
     density: NDArray[np.generic],
     spacing: Spacing,
     oracle: Oracle | None = None,
     share: Share = SILENT,
     ids: Iterable[int] | None = None,
 ) -> dict[int, float]:
-    """Rate every object, by label; 0 where the oracle has no number, as of densities too large.
+    """Rate every object, by label, as `confidence_in` does.
 
     Parameters
     ----------
@@ -158,8 +170,7 @@ def confidences(
     for name in share.over(boxes.ids.tolist() if ids is None else list(ids)):
         box = boxes.slices(name)
         region = Region.of(labels[box] == name, density, box, spacing, air)
-        value = float(confidence_of(region))
-        found[name] = value if np.isfinite(value) else 0.0
+        found[name] = confidence_in(confidence_of, region)
     return found
 
 

@@ -125,7 +125,7 @@ def _trained(bags: Iterable[Labelled], seed: int, share: Share) -> Oracle:
             f"from, got {len(good)}"
         )
     fitting = share.part(0.9, 1.0, f"Learning from {len(good)} objects")
-    wrong = np.array(bad) if len(bad) >= 8 else None
+    wrong = np.array(bad) if len(bad) >= FEWEST else None
     oracle = fit_features(np.array(good), wrong, seed, fitting)
     fitting(1.0)
     return oracle
@@ -165,7 +165,8 @@ def train_on_examples(
     """
     wanted = np.array(sorted(examples), np.int64)
     kept = np.where(np.isin(labels, wanted), labels, 0)
-    usable = usable_examples(wanted, *np.unique(kept, return_counts=True))
+    boxes = label_boxes(kept)
+    usable = usable_examples(wanted, boxes.ids, boxes.counts)
     if usable < FEWEST:
         raise ValueError(
             f"an oracle needs at least {FEWEST} examples of {SMALLEST} voxels or more to be "

@@ -5,7 +5,8 @@ The bags that objects were opened as, kept for who opens one again.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -338,6 +339,14 @@ def _family(session: Session, object_id: int) -> set[int]:
     return family
 
 
+@dataclass(frozen=True, eq=False)
+class _Opened:
+    made_of: Edit | None
+    bag: Session
+    # By which the bag was scored when it was opened last.
+    given: Callable[[Any], float] | None = None
+
+
 class OpenedBags:
     """The bags that objects of one session were opened as.
 
@@ -345,7 +354,7 @@ class OpenedBags:
     """
 
     def __init__(self) -> None:
-        self._bags: dict[int, tuple[Edit | None, Session]] = {}
+        self._bags: dict[int, _Opened] = {}
         self._restored: set[int] = set()
 
     def open(self, session: Session, object_id: int, rotation: Matrix | None = None) -> Session:
@@ -371,13 +380,14 @@ class OpenedBags:
             # In the worker that opens it: its hull is found for the first view.
             fitted(known)
             self._restored.discard(object_id)
-            self._bags[object_id] = session.state.labels_edit, known
         else:
             outer = session.objects["name"]
             given_inside = known.state.names
             shared = shared_objects(session, object_id, known) - given_inside.keys()
             known.annotations.take_names({i: str(outer[i]) for i in shared})
         _rate_alike(known, session)
+        given = known.label_editor.oracle
+        self._bags[object_id] = _Opened(session.state.labels_edit, known, given)
         return known
 
     def leave(self, session: Session, object_id: int) -> None:
@@ -391,7 +401,8 @@ class OpenedBags:
             As for `restore`.
         """
         bag = self._known(session).get(object_id)
-        if bag is not None:
+        # Not the one it came in with: another may have been chosen for the bag meanwhile.
+        if bag is not None and bag.label_editor.oracle is not self._bags[object_id].given:
             _rate_alike(session, bag)
         # Most bags are left without a new name, and then nothing is searched.
         if bag is None or not bag.state.names:
@@ -412,7 +423,8 @@ class OpenedBags:
         object_id : int
         bag : Session
         """
-        self._bags[object_id] = session.state.labels_edit, bag
+        given = bag.label_editor.oracle
+        self._bags[object_id] = _Opened(session.state.labels_edit, bag, given)
         self._restored.add(object_id)
 
     def worked_in(self, session: Session) -> dict[int, Session]:
@@ -426,7 +438,7 @@ class OpenedBags:
     def _known(self, session: Session) -> dict[int, Session]:
         # Of repaired labels: what was inside may be so no more.
         edit = session.state.labels_edit
-        return {i: bag for i, (made_of, bag) in self._bags.items() if made_of is edit}
+        return {i: one.bag for i, one in self._bags.items() if one.made_of is edit}
 
 
 def _rate_alike(session: Session, other: Session) -> None:

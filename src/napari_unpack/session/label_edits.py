@@ -109,6 +109,11 @@ class Scores:
     by_id: Mapping[int, float]
     data: LabelData
 
+    @property
+    def chosen(self) -> bool:
+        """Whether the model is another than was in use, and not asked for what it had missed."""
+        return self.rating is not self.data.rating
+
 
 class LabelEditor:
     """Makes tasks that edit the labels, and applies what they return; every edit is undoable.
@@ -169,9 +174,8 @@ class LabelEditor:
         def run(progress: Progress) -> Scores:
             from napari_unpack.segmentation.object_table import confidences
 
-            share, oracle = Share(progress, text="Scoring"), rating.oracle
-            asked: dict[str, Any] = {} if ids is None else {"ids": ids}
-            found = confidences(data.labels, volume, spacing, oracle, share, **asked)  # type: ignore[arg-type]
+            share = Share(progress, text="Scoring")
+            found = confidences(data.labels, volume, spacing, rating.oracle, share, ids)
             return Scores(rating, found, data)
 
         return Task(ScoresKey(data.revision, rating), run)
@@ -183,7 +187,7 @@ class LabelEditor:
         """
         now = self._session.label_data
         known: dict[int, float] = {}
-        if scores.rating is scores.data.rating:
+        if not scores.chosen:
             # What was missing of one model is of no use to the next.
             if scores.rating is not now.rating:
                 return
@@ -385,6 +389,7 @@ class LabelEditor:
         from napari_unpack.segmentation.common.density_regions import air_offset
         from napari_unpack.segmentation.common.validation import in_common_range
         from napari_unpack.segmentation.confidence.oracle import default_oracle
+        from napari_unpack.segmentation.object_table import confidence_in
 
         oracle = self.oracle or default_oracle()
         spacing = triple(self._session.spacing)
@@ -399,7 +404,7 @@ class LabelEditor:
         def confidence(mask: NDArray[np.bool_], box: tuple[slice, slice, slice]) -> float:
             density, air = field()
             # With what is around it, as `confidences` rates all.
-            return float(oracle(Region.of(mask, density, box, spacing, air)))
+            return confidence_in(oracle, Region.of(mask, density, box, spacing, air))
 
         return confidence
 

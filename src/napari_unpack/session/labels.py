@@ -334,6 +334,21 @@ class LabelData:
             found = found._moved(step, 0, 1, step, kept)
         return found
 
+    def seen_from(self, now: LabelData) -> LabelData:
+        """Return these labels, worked out beforehand, with what was told of objects since.
+
+        Parameters
+        ----------
+        now : LabelData
+            Of the revision that they were worked out from.
+        """
+        back, forth = _way(now.edit, self.edit)
+        for step in back:
+            now = replace(now, facts=now._exchanged(step, 1, 0))
+        for step in forth:
+            now = replace(now, facts=now._exchanged(step, 0, 1))
+        return replace(self, facts=now.facts)
+
     def knows(self, edit: Edit | None) -> bool:
         """Return whether `at` that place copies no volume."""
         return edit is self.edit or (self.previous is not None and self.previous.edit is edit)

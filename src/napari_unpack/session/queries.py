@@ -682,7 +682,7 @@ class Queries:
         data = self._session.label_data
         # Kept any longer it would keep a whole volume alive after the next edit.
         known: LabelData | None = self._cache.take(LabelsKey(data.revision, edit, data.rating))
-        return data.at(edit) if known is None else known
+        return data.at(edit) if known is None else known.seen_from(data)
 
     def labels_task(self, way: Literal["undo", "redo"]) -> Task[LabelData] | None:
         """Return the task that works out the labels after undo or redo.

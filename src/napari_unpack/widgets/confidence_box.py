@@ -193,16 +193,24 @@ class ConfidenceBox(Collapsible):
             self.refresh()
 
     def _end(self, outcome: TaskResult[Scores]) -> None:
-        session = self._scored
-        if outcome.cancelled or session is None:
-            self.refresh()
-            return
-        with notifications.errors_shown():
-            scores = outcome.get()
-            self._oracle = scores.rating.oracle
-            self._take(session, scores)
-        # Also one opened meanwhile, when this work was in its way.
-        self._follow()
+        session, taken = self._scored, False
+        try:
+            if session is not None and not outcome.cancelled:
+                with notifications.errors_shown():
+                    scores = outcome.get()
+                    if scores.chosen:
+                        self._oracle = scores.rating.oracle
+                    self._take(session, scores)
+                    taken = True
+        finally:
+            # Never at once again what has failed or was called off.
+            if self._workspace.session is not session:
+                # Opened meanwhile, when this work was in its way.
+                self._follow()
+            else:
+                if taken:
+                    self._score_missing()
+                self.refresh()
 
     def _follow(self) -> None:
         """Score a newly shown session by the model chosen here, unless it has one of its own."""
@@ -221,11 +229,15 @@ class ConfidenceBox(Collapsible):
         """Score objects that the model in use has not: undo brought them back, for example."""
         session = self._workspace.session
         task = None if session is None else session.label_editor.missing_scores_task()
-        if session is not None and task is not None:
-            done = partial(self._take, session)
+        if session is None or task is None:
+            return
+        if len(session.label_data.unrated) == len(session.ids):
+            # All of a bag takes as long as by a model that was chosen.
+            self._begin(session, task.run)
+        else:
             # What fails is unknown until the labels change again.
-            submit = partial(self._workspace.scheduler.submit, failed=lambda _: None, slot=self)
-            submit(task, Worker.LONG, done)
+            done, told = partial(self._take, session), notifications.show_error
+            self._workspace.scheduler.submit(task, Worker.LONG, done, failed=told, slot=self)
 
     def _take(self, session: Session, scores: Scores) -> None:
         session.label_editor.take_scores(scores)

@@ -20,6 +20,7 @@ from napari_unpack.atomic import written_atomically
 from napari_unpack.file_sizes import check_plain_file, load_arrays
 from napari_unpack.read_errors import read_errors_told
 from napari_unpack.segmentation.common.region import Region
+from napari_unpack.segmentation.confidence.examples import FEWEST
 from napari_unpack.segmentation.confidence.features import FEATURES, features
 from napari_unpack.segmentation.confidence.mixture import Mixture, fit_mixture, pooled
 from napari_unpack.tasks import SILENT, Share
@@ -142,7 +143,7 @@ class Oracle:
         Raises
         ------
         ValueError
-            If one is missing, or they do not fit each other.
+            If one is missing, they do not fit each other, or nothing can be scored by them.
         """
         missing = [name for name in ARRAYS if name not in found and not name.startswith("bad_")]
         if missing:
@@ -154,6 +155,8 @@ class Oracle:
         oracle = Oracle(**sides, **{name: found[name] for name in _OWN})  # type: ignore[arg-type]
         if not _fits(oracle):
             raise ValueError(f"{source} is a damaged oracle: its arrays do not fit each other")
+        if not _scores(oracle):
+            raise ValueError(f"{source} is a damaged oracle: its numbers are those of no model")
         return oracle
 
     @staticmethod
@@ -231,6 +234,20 @@ def _fits(oracle: Oracle) -> bool:
     return all(a.shape == shape and np.isfinite(a).all() for a, shape in shapes)
 
 
+def _scores(oracle: Oracle) -> bool:
+    """Return whether an oracle divides by nothing that is 0, and has densities."""
+    mixtures = [m for m in (oracle.good, oracle.bad) if m is not None]
+    if not (oracle.scale > 0).all() or not all((m.weights > 0).all() for m in mixtures):
+        return False
+    try:
+        # As `Mixture` does: of others the first repair would fail.
+        for mixture in mixtures:
+            np.linalg.cholesky(mixture.covariances)
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
 def fit_features(
     good: Rows, bad: Rows | None = None, seed: int = 0, share: Share = SILENT
 ) -> Oracle:
@@ -258,9 +275,8 @@ def fit_features(
     # alike in most objects.
     kinds, wrong = _listed(good), [] if bad is None else _listed(bad)
     for side, name in ((kinds, "objects"), (kinds if bad is None else wrong, "wrong regions")):
-        if min(map(len, side)) < 8:
-            least = min(map(len, side))
-            raise ValueError(f"an oracle needs at least 8 {name} to learn from, got {least}")
+        if (least := min(map(len, side))) < FEWEST:
+            raise ValueError(f"an oracle needs at least {FEWEST} {name} to learn from, got {least}")
     true = np.concatenate(kinds)
     center = true.mean(axis=0)
     scale = np.maximum(true.std(axis=0), 1e-3)
