@@ -32,9 +32,8 @@ RIGHT = Qt.MouseButton.RightButton
 
 
 def spot(view: Any, voxel: tuple[int, int, int]) -> QPoint:
-    """Return the pixel of a slice in which a voxel's middle is."""
-    place = view.place_of(voxel)
-    return QPoint(int(place.x()), int(place.y()))
+    """Return the pixel of a slice nearest to a voxel's middle."""
+    return view.place_of(voxel).toPoint()
 
 
 def wheel(view: Any, notches: int, modifiers: Any = PLAIN, at: QPoint | None = None) -> None:
