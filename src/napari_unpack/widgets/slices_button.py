@@ -67,13 +67,18 @@ class SlicesButton(QObject):
 
     def _add(self, dock: SlicesDock) -> None:
         viewer = self._workspace.viewer
-        if (native := native_window(viewer)) is not None:
+        native = native_window(viewer)
+        if native is not None:
             self._opener.keep_below_low(native)
             # Slices are tall as well: above them nothing would be left of the panel.
             right = Qt.DockWidgetArea.RightDockWidgetArea
             self._opener.give_corner(native, Qt.Corner.BottomRightCorner, right)
         window = unwrap(viewer).window
-        window.add_dock_widget(dock, name=NAME, area="bottom", add_vertical_stretch=False)
+        docked = window.add_dock_widget(dock, name=NAME, area="bottom", add_vertical_stretch=False)
+        if native is not None:
+            # Half of a low window is the picture's, however tall the slices would like to be.
+            height = min(docked.sizeHint().height(), native.height() // 2)
+            native.resizeDocks([docked], [height], Qt.Orientation.Vertical)
 
     def _remember(self, shown: bool) -> None:
         window = native_window(self._workspace.viewer)
