@@ -176,13 +176,20 @@ def test_less_than_a_megabyte_is_told_in_kilobytes(
         check_space(tmp_path / "a.npz", 340_000)
 
 
-def test_a_film_says_that_the_folder_for_temporary_files_is_full(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def film_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, Path]:
+    """Return the folder for temporary files, which is empty, and one to write films to."""
     temporary, there = tmp_path / "temporary", tmp_path / "there"
     temporary.mkdir()
     there.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    return temporary, there
+
+
+def test_a_film_says_that_the_folder_for_temporary_files_is_full(
+    film_folders: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    temporary, there = film_folders
     # As ffmpeg ends on a full disk, where its own words find no room.
     encoder = tmp_path / "ffmpeg"
     encoder.write_text(f"#!/bin/sh\ncat > /dev/null\nexit {256 - errno.ENOSPC}\n")
@@ -201,12 +208,9 @@ def test_a_film_says_that_the_folder_for_temporary_files_is_full(
 
 
 def test_a_finished_film_that_cannot_take_its_place_stays_elsewhere_and_says_where(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    film_folders: tuple[Path, Path], tmp_path: Path
 ) -> None:
-    temporary, there = tmp_path / "temporary", tmp_path / "there"
-    temporary.mkdir()
-    there.mkdir()
-    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    temporary, there = film_folders
     frames = np.zeros((5, 32, 48, 3), np.uint8)
     frames[:, 8:24, 8:40] = 200
 

@@ -28,6 +28,25 @@ def taught(make_napari_viewer_proxy, qtbot, monkeypatch):
     return panel, session
 
 
+def some_model():
+    """Return a model that has learned from nothing in particular."""
+    return fit_features(np.random.default_rng(0).normal(size=(40, len(FEATURES))))
+
+
+@pytest.fixture
+def own_model(tmp_path):
+    """Return the file of a model of one's own."""
+    path = tmp_path / "mine.npz"
+    some_model().save(path)
+    return path
+
+
+def endless(labels, volume, spacing, oracle, share, ids=None):
+    """Score for ever, as far as the bar tells; it can be cancelled."""
+    while True:
+        share(0.5)
+
+
 def _select(panel, ids):
     panel.commands.select(ids)
     panel.objects.table.show_selection(frozenset(ids))
@@ -101,14 +120,9 @@ def test_a_trained_confidence_judges_and_the_default_comes_back(
     assert "trained on other kinds" not in box.sentence.text()
 
 
-def test_scoring_shows_its_progress_and_can_be_cancelled(taught, qtbot, tmp_path, monkeypatch):
+def test_scoring_shows_its_progress_and_can_be_cancelled(taught, qtbot, own_model, monkeypatch):
     panel, session = taught
-    box, path = panel.objects.confidence, tmp_path / "mine.npz"
-    fit_features(np.random.default_rng(0).normal(size=(40, len(FEATURES)))).save(path)
-
-    def endless(labels, volume, spacing, oracle, share, ids=None):
-        while True:
-            share(0.5)
+    box, path = panel.objects.confidence, own_model
 
     monkeypatch.setattr("napari_unpack.segmentation.object_table.confidences", endless)
     before = session.objects["confidence"].to_numpy().copy()
@@ -124,11 +138,10 @@ def test_scoring_shows_its_progress_and_can_be_cancelled(taught, qtbot, tmp_path
 
 
 def test_a_bag_opened_while_the_one_before_is_scored_is_scored_as_well(
-    taught, qtbot, tmp_path
+    taught, qtbot, own_model
 ) -> None:
     panel, _ = taught
-    box, path = panel.objects.confidence, tmp_path / "mine.npz"
-    fit_features(np.random.default_rng(0).normal(size=(40, len(FEATURES)))).save(path)
+    box, path = panel.objects.confidence, own_model
     box.use_oracle(str(path))
     panel.workspace.open(other := Session(*pile_of_balls()))
     qtbot.waitUntil(lambda: not box.running, timeout=60000)
@@ -136,11 +149,10 @@ def test_a_bag_opened_while_the_one_before_is_scored_is_scored_as_well(
 
 
 def test_scoring_that_fails_is_told_once_and_not_begun_again(
-    taught, qtbot, tmp_path, monkeypatch
+    taught, qtbot, own_model, monkeypatch
 ) -> None:
     panel, _ = taught
-    box, path = panel.objects.confidence, tmp_path / "mine.npz"
-    fit_features(np.random.default_rng(0).normal(size=(40, len(FEATURES)))).save(path)
+    box, path = panel.objects.confidence, own_model
     box.use_oracle(str(path))
     qtbot.waitUntil(lambda: not box.running, timeout=60000)
     told, calls = [], []
@@ -161,17 +173,12 @@ def test_scoring_that_fails_is_told_once_and_not_begun_again(
 
 
 def test_a_file_that_is_no_model_begins_nothing_that_was_called_off(
-    taught, qtbot, tmp_path, monkeypatch
+    taught, qtbot, own_model, tmp_path, monkeypatch
 ) -> None:
     panel, _ = taught
-    box, path = panel.objects.confidence, tmp_path / "mine.npz"
-    fit_features(np.random.default_rng(0).normal(size=(40, len(FEATURES)))).save(path)
+    box, path = panel.objects.confidence, own_model
     box.use_oracle(str(path))
     qtbot.waitUntil(lambda: not box.running, timeout=60000)
-
-    def endless(labels, volume, spacing, oracle, share, ids=None):
-        while True:
-            share(0.5)
 
     with monkeypatch.context() as patched:
         patched.setattr("napari_unpack.segmentation.object_table.confidences", endless)
@@ -230,14 +237,10 @@ def test_an_earlier_file_stays_where_training_is_called_off_while_it_scores(
     panel, session = taught
     box, path = panel.objects.confidence, tmp_path / "mine.npz"
     path.write_text("of before")
-    fitted = fit_features(np.random.default_rng(0).normal(size=(40, len(FEATURES))))
+    fitted = some_model()
     monkeypatch.setattr(
         "napari_unpack.segmentation.training.train_on_examples", lambda *_, **__: fitted
     )
-
-    def endless(labels, volume, spacing, oracle, share, ids=None):
-        while True:
-            share(0.5)
 
     with monkeypatch.context() as patched:
         patched.setattr("napari_unpack.segmentation.object_table.confidences", endless)
@@ -253,10 +256,9 @@ def test_an_earlier_file_stays_where_training_is_called_off_while_it_scores(
     assert session.label_editor.oracle is fitted
 
 
-def test_undo_and_repairs_leave_no_number_of_another_model(taught, qtbot, tmp_path) -> None:
+def test_undo_and_repairs_leave_no_number_of_another_model(taught, qtbot, own_model) -> None:
     panel, session = taught
-    box, path = panel.objects.confidence, tmp_path / "mine.npz"
-    fit_features(np.random.default_rng(0).normal(size=(40, len(FEATURES)))).save(path)
+    box, path = panel.objects.confidence, own_model
     session.merge([1, 2])
     box.use_oracle(str(path))
     # While it is loaded.
@@ -276,10 +278,9 @@ def test_undo_and_repairs_leave_no_number_of_another_model(taught, qtbot, tmp_pa
     qtbot.waitUntil(lambda: "–" not in _texts(panel, Column.CONFIDENCE).values(), timeout=20000)
 
 
-def test_a_session_saved_with_a_model_goes_on_with_it(taught, qtbot, tmp_path) -> None:
+def test_a_session_saved_with_a_model_goes_on_with_it(taught, qtbot, own_model, tmp_path) -> None:
     panel, _ = taught
-    box, model, path = panel.objects.confidence, tmp_path / "mine.npz", tmp_path / "a.unpack"
-    fit_features(np.random.default_rng(0).normal(size=(40, len(FEATURES)))).save(model)
+    box, model, path = panel.objects.confidence, own_model, tmp_path / "a.unpack"
     other = Session(*pile_of_balls())
     oracle = Oracle.load(model)
     other.use_oracle(oracle, dict.fromkeys(other.ids, 0.375))

@@ -115,7 +115,7 @@ class DockButton(Generic[D]):
             self._corners.append((ref(window), corner, before))
             window.setCorner(corner, area)
 
-    def keep_below_low(self, window: QMainWindow) -> None:
+    def stand_beside_left_docks(self, window: QMainWindow) -> None:
         """Have docks at the bottom stand beside those at the left, not beneath them."""
         # Those of napari are tall: beneath them, a dock makes the window taller than a screen.
         left = Qt.DockWidgetArea.LeftDockWidgetArea

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 from qtpy.QtCore import QEvent
 
 if TYPE_CHECKING:
-    from qtpy.QtWidgets import QWidget as _Any
+    from qtpy.QtWidgets import QWidget as _Widget
 else:
     # Qt's classes cannot have a second one of Qt beside them.
-    _Any = object
+    _Widget = object
 
 
-class KeepsKeyboard(_Any):
+class KeepsKeyboard(_Widget):
     """Of a button: disabled or hidden it keeps the keyboard.
 
     Keys then do nothing there; Tab goes on from there. A box that comes and goes, and all between

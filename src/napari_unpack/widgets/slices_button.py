@@ -69,7 +69,7 @@ class SlicesButton(QObject):
         viewer = self._workspace.viewer
         native = native_window(viewer)
         if native is not None:
-            self._opener.keep_below_low(native)
+            self._opener.stand_beside_left_docks(native)
             # Slices are tall as well: above them nothing would be left of the panel.
             right = Qt.DockWidgetArea.RightDockWidgetArea
             self._opener.give_corner(native, Qt.Corner.BottomRightCorner, right)

@@ -114,7 +114,7 @@ class TableButton(QObject):
             return
         middle = window.centralWidget()
         if middle is not None and middle.width() < WIDTH + LEAST_PICTURE:
-            self._opener.keep_below_low(window)
+            self._opener.stand_beside_left_docks(window)
             window.addDockWidget(Qt.DockWidgetArea.BottomDockWidgetArea, frame)
         elif panel is not None:
             window.splitDockWidget(frame, panel, Qt.Orientation.Horizontal)
