@@ -329,7 +329,7 @@ def _render(
     from napari_unpack.io.session_archive import holds_session
     from napari_unpack.memory import check_picture
     from napari_unpack.rendering.compose import scene_image
-    from napari_unpack.session.framing import contained
+    from napari_unpack.session.framing import contained, drawn_back
 
     check_output(output, (".png",), source, labels, picture_file(background))
     check_picture(size)
@@ -337,14 +337,15 @@ def _render(
     session = open_input(source, labels, direction, view, backend, at, large)
     if decorated is not None:
         session.decorations = decorated
-    # A saved session shows what its user saw, whatever the picture's shape; a plain volume is
-    # framed to show all slots.
-    if holds_session(source):
-        camera = contained(session.camera, session.canvas_size, size)
-    else:
-        camera = frame_bag(session, size)
+    # A plain volume is framed to show all slots, which follow the picture's shape.
+    camera = None if holds_session(source) else frame_bag(session, size)
+    was_out = set(session.poses)
     for _ in unpack_in_order(session, unpacked) if unpacked else ():
         pass
+    if camera is None:
+        # What its user saw and what has come out since, whatever the picture's shape.
+        seen = drawn_back(session, session.camera, set(session.poses) - was_out)
+        camera = contained(seen, session.canvas_size, size)
     typer.echo(
         f"wrote {save_png(scene_image(session.scene(), camera, size, backend=backend), output)}"
     )

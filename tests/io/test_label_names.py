@@ -125,6 +125,16 @@ def test_letters_of_names_are_those_that_were_written(tmp_path: Path, encoding: 
     assert load_label_names(file)[2].name.endswith("Große Flasche")
 
 
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
+def test_files_of_windows_programs_that_write_two_bytes_a_letter_are_read(
+    tmp_path: Path, encoding: str
+) -> None:
+    for name, text in (("bag.ctbl", CTBL), ("bag.label", SNAP), ("bag.csv", TABLE)):
+        written = "\ufeff" + text.replace("Bottle", "Große")
+        (tmp_path / name).write_bytes(written.encode(encoding))
+        assert load_label_names(tmp_path / name)[2] == NamedLabel("Große", KNOWN[2].color)
+
+
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_a_line_in_another_encoding_spoils_no_other(tmp_path: Path, end: str) -> None:
     lines = [f'{i} 255 0 0 1 1 1 "Größe {i}"'.encode() for i in range(1, 5)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.boxes import box_corners
 from napari_unpack.geometry.view import View
 from napari_unpack.io import movies
-from napari_unpack.session.framing import fitted
+from napari_unpack.session.framing import drawn_back, fitted
 from napari_unpack.unpacking import room_for
 
 
@@ -65,6 +66,25 @@ def test_the_bag_stays_large_while_few_are_out_in_windows_of_any_shape(
     # Back again all is as it was.
     session.restore(99)
     assert share(session) == pytest.approx(shares[0])
+
+
+@pytest.mark.parametrize("aside", [(0.0, 0.0, 0.0), (1.0, 5.0, -30.0)])
+def test_a_camera_draws_back_for_what_has_come_out_wherever_it_looks(
+    aside: tuple[float, float, float],
+) -> None:
+    session = cubes(2)
+    session.canvas_size = (300, 400)
+    session.unpack(3)
+    near = replace(session.camera, center=session.bag.center + aside, height=5.0)
+    seen = drawn_back(session, near, session.poses)
+    rows, cols = session.canvas_size
+    moved = seen.linear @ (seen.center - session.bag.center)
+    half, side = seen.height / 2 * np.array([1.0, cols / rows]), session.slots.cell_mm / 2
+    for pose in session.poses.values():
+        assert (np.abs(pose.center[1:] - moved[1:]) + side <= half).all()
+    assert drawn_back(session, near, ()).height == 5.0
+    far = replace(near, height=10 * seen.height)
+    assert drawn_back(session, far, session.poses).height == far.height
 
 
 def test_room_is_planned_for_4_8_16_and_in_the_end_for_all() -> None:

@@ -85,6 +85,9 @@ def load_label_names(path: str | Path) -> dict[int, NamedLabel]:
 
 
 def _text(data: bytes) -> str:
+    # Notepad and spreadsheets on Windows call it Unicode.
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16", errors="replace")
     # Line by line: one that another program wrote, or that is cut, spoils no others.
     return "".join(map(_line_text, data.removeprefix(codecs.BOM_UTF8).splitlines(keepends=True)))
 

@@ -84,6 +84,28 @@ def height_with(session: Session, ids: Iterable[int]) -> float:
     return 2 * max(_half_height(poses[i].center, slots, gap, upright) for i in ids)
 
 
+def drawn_back(session: Session, camera: Camera, ids: Iterable[int]) -> Camera:
+    """Return a camera from as far off as it takes to see objects at their slots whole.
+
+    Parameters
+    ----------
+    session : Session
+        Of its window's shape.
+    camera : Camera
+        Wherever it looks; it comes no nearer.
+    ids : iterable of int
+        Objects outside the bag; without any, the camera is returned as it is.
+    """
+    out = list(ids)
+    if not out:
+        return camera
+    rows, cols = session.canvas_size
+    # Slots lie about the bag's middle, which a person may have moved out of the window's.
+    aside = np.abs(_away(session, camera, camera.center)[1:]) * (1.0, rows / cols)
+    needed = height_with(session, out) + 2 * float(aside.max())
+    return replace(camera, height=max(camera.height, needed))
+
+
 def contained(camera: Camera, window: tuple[int, int], size: tuple[int, int]) -> Camera:
     """Return the camera that shows in an image all that it shows in a window.
 
