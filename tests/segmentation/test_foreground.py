@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
 from phantoms import ball, box, scanned
+from scipy.ndimage import gaussian_filter
 
 from napari_unpack.segmentation.common.validation import checked_spacing, checked_volume
+from napari_unpack.segmentation.foreground.denoising import is_noisy
 from napari_unpack.segmentation.foreground.methods import checked_foreground, find_foreground
 from napari_unpack.segmentation.foreground.scanner_table import find_supports
 from napari_unpack.segmentation.foreground.thresholds import above_levels, find_levels, peel
@@ -131,3 +133,19 @@ def test_a_number_and_otsu_are_one_level_and_hysteresis_follows_connections():
         foreground, _ = find_foreground(volume, (1.0, 1.0, 1.0), way)
         assert foreground[5:7, 5:7, 10:19].all(), way
         assert foreground[5:7, 5:7, 31:35].all(), way
+
+
+@pytest.mark.parametrize("air", [0.0, 100.0])
+@pytest.mark.parametrize("correlated", [0.0, 1.0])
+@pytest.mark.parametrize("side", [4, 8])
+def test_noise_about_one_small_thing_is_air(air: float, correlated: float, side: int) -> None:
+    rng = np.random.default_rng(4)
+    noise = gaussian_filter(rng.normal(size=(64,) * 3), correlated)
+    thing = box((64,) * 3, (10, 20, 30), (10 + side, 20 + side, 30 + side))
+    blurred = gaussian_filter(np.where(thing, 1200.0, 0.0), 0.6)
+    volume = np.maximum(air + blurred + 15 * noise / noise.std(), 0).astype(np.float32)
+    found = above_levels(volume, find_levels(volume))
+    assert found[thing].all()
+    # Its own blurred fringe is a voxel wide.
+    assert found.sum() <= (side + 2) ** 3
+    assert not is_noisy(volume)

@@ -15,6 +15,10 @@ BINS = 512
 # Voxels, evenly spread, that levels are found from: their quantiles are good to a thousandth.
 MOST_SAMPLES = 4_000_000
 
+# Of all voxels. With less, and a lower threshold within the noise, 5 to 83 objects were found about
+# a single thing; from 0.7 % on it was right. Nuclei fill 46 % above the upper threshold.
+LITTLE_FOREGROUND = 0.01
+
 # Voxels of a blurred fringe that are taken off at most.
 FRINGE = 2
 # A blurred edge lies at half of its height.
@@ -59,12 +63,27 @@ def find_levels(volume: NDArray[np.generic]) -> Levels:
     # calls dense, which gives cloth and metal comparable weight; the lower of two Otsu thresholds
     # is `high`, unless thin cloth needs less and six deviations of the background's noise allow
     # it. `low` is 0.65 of it. At most 4 million voxels, evenly spread, are looked at.
-    sample = _sample(volume)
-    bottom, top = (float(q) for q in np.quantile(sample, [0.0, 0.9995]))
-    if not top > bottom:
+    grid = _thinned(volume)
+    sample = _finite(grid)
+    if len(sample) < 2 or sample.min() == sample.max():
+        sample = _finite(volume.astype(np.float64))
+    top = float(np.quantile(sample, 0.9995))
+    if not top > sample.min():
         top = float(sample.max())
-    air = _background(sample, bottom, top)
-    dense = _two_thresholds(*_histogram(np.clip(sample, air, top)))[0]
+    levels = _levels(sample, top, 0)
+    # Of hardly any foreground the lower threshold parts the noise.
+    if levels.high - levels.air < 3 * _step_noise(grid):
+        # All of it may lie above the quantile.
+        upper = _levels(sample, float(sample.max()), 1)
+        if (sample > upper.low).mean() < LITTLE_FOREGROUND:
+            return upper
+    return levels
+
+
+def _levels(sample: NDArray[np.float64], top: float, which: int) -> Levels:
+    """Return the levels by the lower (0) or the upper (1) of Otsu's two thresholds, up to `top`."""
+    air = _background(sample, float(sample.min()), top)
+    dense = _two_thresholds(*_histogram(np.clip(sample, air, top)))[which]
     foreground = sample[sample > dense]
     if not len(foreground) or not dense > air:
         raise NothingFoundError(
@@ -73,13 +92,19 @@ def find_levels(volume: NDArray[np.generic]) -> Levels:
         )
     knee = (float(np.median(foreground)) - air) / 4
     lifted = np.arcsinh(np.clip(sample - air, 0, top - air) / knee)
-    first = _two_thresholds(*_histogram(lifted))[0]
-    high = air + knee * float(np.sinh(first))
+    high = air + knee * float(np.sinh(_two_thresholds(*_histogram(lifted))[which]))
     noise = _spread(sample, air, high)
     faint = sample[sample > air + 6 * noise]
     enough = max(6 * noise, 0.1 * (float(np.median(faint)) - air) if len(faint) else 0.0)
     high = min(high, air + enough)
     return Levels(air, noise, air + 0.65 * (high - air), high)
+
+
+def _step_noise(grid: NDArray[np.float64]) -> float:
+    """Return the deviation of noise between neighbours along x, or less where much is clipped."""
+    steps = _finite(np.abs(np.diff(grid, axis=-1)))
+    # Half of the differences of two normal values lie below 0.95 of one's deviation.
+    return float(np.median(steps)) / 0.95 if len(steps) else 0.0
 
 
 def _spread(sample: NDArray[np.float64], air: float, high: float) -> float:
@@ -177,14 +202,13 @@ def _peel(foreground, density, air, fraction, inner):  # type: ignore[no-untyped
                         inner[z, y, x] = False
 
 
-def _sample(volume: NDArray[np.generic]) -> NDArray[np.float64]:
+def _thinned(volume: NDArray[np.generic]) -> NDArray[np.float64]:
     step = max(1, int(np.ceil((volume.size / MOST_SAMPLES) ** (1 / 3))))
-    sample = volume[::step, ::step, ::step].astype(np.float64).reshape(-1)
-    sample = sample[np.isfinite(sample)]
-    if len(sample) < 2 or sample.min() == sample.max():
-        sample = volume.astype(np.float64).reshape(-1)
-        sample = sample[np.isfinite(sample)]
-    return sample
+    return volume[::step, ::step, ::step].astype(np.float64)
+
+
+def _finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    return values[np.isfinite(values)]
 
 
 def _background(sample: NDArray[np.float64], bottom: float, top: float) -> float:
