@@ -294,12 +294,19 @@ TOO_LARGE = (
         ({"step": 1e-12}, ValueError, "step must be a number of mm, .* of the shortest voxel"),
         ({"step": 1e300}, ValueError, "step must be a number of mm, .* to 1e"),
         ({"size": (np.nan, 4)}, ValueError, "two positive integers"),
+        ({"size": 5}, ValueError, "two positive integers"),
     ],
 )
 def test_bad_input_is_refused_by_name(arguments, error, message) -> None:
     given = {"volume": ONES, "labels": ONES, "transfer_function": Fog(), "size": (4, 4), **CPU}
     with pytest.raises(error, match=message):
         rendering.render(**{**given, **arguments})
+
+
+@pytest.mark.parametrize("pixel", [(1,), (-0.5, 2), (4, 0), (0, np.nan)])
+def test_a_pixel_outside_the_picture_is_refused(pixel: tuple[float, ...]) -> None:
+    with pytest.raises(ValueError, match=r"pixel must lie inside a picture of \(4, 4\)"):
+        rendering.pick(ONES, ONES, pixel=pixel, size=(4, 4), transfer_function=Fog(), **CPU)
 
 
 @pytest.mark.parametrize("backend", ["cpu", "gl"])

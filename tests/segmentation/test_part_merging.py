@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from phantoms import box
 
+from napari_unpack import memory
 from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.segmentation.learned import part_merging
 from napari_unpack.segmentation.learned.fragments import FragmentAffinities
@@ -57,6 +58,16 @@ def test_what_fragments_say_is_added_up_between_and_within_parts():
     row = dict(zip(FEATURES, parts.features(1, 2, np.zeros(20)), strict=True))
     assert row["belonging"] == pytest.approx((4 + 2 * 2) / (20 + 2 * 4))
     assert row["belonging_next"] == pytest.approx(0.2)
+
+
+def test_parts_whose_pairs_do_not_fit_into_memory_are_refused_with_what_to_do(monkeypatch):
+    # Three parts and the background: eleven numbers and the copies of eight for each pair.
+    needed = 4 * 4 * 8 * (11 + 4)
+    monkeypatch.setattr(memory, "free_memory", lambda: needed)
+    measured()
+    monkeypatch.setattr(memory, "free_memory", lambda: needed - 1)
+    with pytest.raises(ValueError, match=r"comparing 3 parts with each other needs .* grainy"):
+        measured()
 
 
 def test_joining_two_parts_loses_no_pair_of_cells():

@@ -44,6 +44,16 @@ def test_a_long_rod_and_a_hollow_box_stay_whole():
     assert score(truth, found.labels)["f1_75"] == 1.0
 
 
+def test_cuts_find_things_apart_that_are_just_as_large_as_asked_for():
+    shape = (30, 40, 50)
+    truth = sum(
+        (k + 1) * box(shape, (z, y, x), (z + 9, y + 9, x + 9)).astype(np.int32)
+        for k, (z, y, x) in enumerate([(5, 5, 5), (5, 25, 8), (17, 8, 34)])
+    )
+    found = segment(scanned(truth, dict.fromkeys((1, 2, 3), 900)), method="cuts", smallest=500)
+    assert score(truth, found.labels)["f1"] == 1.0
+
+
 def test_the_table_of_objects_tells_what_was_put_in():
     shape = (40, 50, 60)
     spacing = (2.0, 1.0, 0.5)

@@ -83,6 +83,21 @@ def test_the_size_of_an_id_changes_nothing():
     assert len(known[0]) > 3
 
 
+def test_specks_of_a_brush_are_no_examples():
+    labels = np.zeros((20, 24, 36), np.int32)
+    for i in range(3):
+        labels[4:12, 6:18, 12 * i + 2 : 12 * i + 12] = i + 1
+    volume = np.random.default_rng(2).normal(1000.0, 10.0, labels.shape) * (labels > 0)
+    touched = labels.copy()
+    # Four voxels each upon an object, with a name of their own.
+    touched[12:14, 8:10, 4:29:12] = [4, 5, 6]
+    clean, specked = (
+        oracle_examples(SimpleNamespace(volume=volume, labels=one, spacing=(1.0, 1.0, 1.0)))
+        for one in (labels, touched)
+    )
+    assert [len(rows) for rows in specked] == [len(rows) for rows in clean] == [3, 3]
+
+
 def test_the_oracle_that_ships_tells_objects_of_an_unseen_bag_from_pairs_and_halves():
     bag = simulate_bag(seed=61, shape=(96, 112, 144), count=14)
     good, bad = (default_oracle().scores(np.array(rows)) for rows in oracle_examples(bag, 1))

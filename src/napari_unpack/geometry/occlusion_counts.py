@@ -11,6 +11,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+# Above this many objects there is no table of who blocks whom: it grows with their square.
+MOST_IN_TABLE = 4096
+
 
 @dataclass(frozen=True, eq=False)
 class SparseTable:

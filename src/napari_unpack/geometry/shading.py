@@ -36,3 +36,7 @@ class Shading:
     specular: float = 0.28
     shininess: float = 28.0
     gradient_floor: float = 0.01
+
+
+# No light at all: the transfer function's colours as they are.
+UNLIT = Shading(ambient=1.0, diffuse=0.0, specular=0.0)

@@ -21,7 +21,7 @@ from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts, SparseTable, Table
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.view import Camera, View
-from napari_unpack.rendering.backends import chosen, on_cpu
+from napari_unpack.rendering.backends import checked_backend, chosen, on_cpu
 from napari_unpack.rendering.casting import (
     TABLE_ENTRIES,
     TransferFunctionLike,
@@ -287,9 +287,9 @@ def pick(
     # A single ray is cast, however many pixels there are.
     given, mm, pixels = checked_labels(labels), checked_spacing(spacing), checked_size(size, 0)
     density = checked_volume(volume, given.array.shape)
+    if len(pixel) != 2 or not all(0 <= at < most for at, most in zip(pixel, pixels, strict=True)):
+        raise ValueError(f"pixel must lie inside a picture of {pixels}, got {pixel!r}")
     row, col = int(pixel[0]), int(pixel[1])
-    if not (0 <= row < pixels[0] and 0 <= col < pixels[1]):
-        raise ValueError(f"pixel must lie inside a picture of {pixels}, got {(row, col)}")
     camera = checked_view(view).camera(given.array.shape, mm)
     rays = rays_for(camera, pixels, mm, step_scale=step_scale(step, mm), window=(row, col, 1, 1))
     # The same function as `render` takes, or a click would pick what is not seen.
@@ -463,6 +463,8 @@ def occlusion_ratios(
     if method == "queries":
         if definition != "first_hit":
             raise ValueError(f'method "queries" measures "first_hit" alone, got {definition!r}')
+        if checked_backend(backend) == "cpu":
+            raise ValueError('method "queries" asks the graphics card: backend "cpu" cannot')
         queried = _queried(given, spacing, view, size, hidden, step)
         return {given.name(label): ratio for label, ratio in queried.items()}
     boxes = definition == "first_hit_bbox"

@@ -203,7 +203,7 @@ def checked_size(size: Sequence[int], bytes_a_pixel: float = PICTURE_BYTES) -> t
     ValueError
         If it is not two positive whole numbers, or does not fit into memory.
     """
-    if len(size) != 2 or any(not 1 <= n < np.inf or int(n) != n for n in size):
+    if np.shape(size) != (2,) or any(not 1 <= n < np.inf or int(n) != n for n in size):
         raise ValueError(f"size must be two positive integers (height, width), got {size!r}")
     height, width = int(size[0]), int(size[1])
     check_picture((height, width), bytes_a_pixel)

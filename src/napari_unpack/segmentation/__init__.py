@@ -1,4 +1,4 @@
-"""Volume to labels: foreground, components, recursive isoperimetric splitting, evaluation."""
+"""Volume to labels by a network and classifiers, or by the paper's recursive cuts; evaluation."""
 
 from napari_unpack.segmentation.common.region import Region
 from napari_unpack.segmentation.confidence.oracle import Oracle

@@ -430,7 +430,9 @@ def _cut_objects(
     # Parts are cut down to twice the least object, since every cut may halve the last one.
     rule = options.rule or SplitRule(smallest=2 * options.smallest)
     first = share.part(0.0, 0.9)
-    parts, scale = split_parts(density, spacing, first, oracle, foreground, options.step, rule)
+    parts, scale = split_parts(
+        density, spacing, first, oracle, foreground, options.smallest, options.step, rule
+    )
     # The knee is a quarter of the foreground's median density above air.
     light = scale.air + FOLD_DENSITY * 4 * scale.knee
     parts = absorb_fringes(bundle_folds(parts, density, spacing, light), density, spacing)

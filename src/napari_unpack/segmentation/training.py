@@ -202,6 +202,10 @@ def oracle_examples(
     if labels.max() > MOST_OBJECTS:
         # Tables have a row for each ID up to the largest.
         labels = compact_labels(labels)[0]
+    boxes = label_boxes(labels)
+    if len(specks := boxes.ids[boxes.counts < SMALLEST]):
+        # A brush leaves them: an object with a speck of its own is no two that were merged.
+        labels = np.where(np.isin(labels, specks), 0, labels)
     objects = list(true_objects(bag.volume, labels, size))
     share(0.1)
     merged = list(merged_pairs(bag.volume, labels, size))

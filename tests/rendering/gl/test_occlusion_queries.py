@@ -93,5 +93,8 @@ def test_the_api_measures_first_hit_ratios_by_queries(gl):
     assert occlusion_ratios(labels, **arguments, method="queries") == pytest.approx(wanted)
     with pytest.raises(ValueError, match="first_hit"):
         occlusion_ratios(labels, definition="exact", method="queries")
+    for backend, why in (("cpu", "asks the graphics card"), ("cuda", "backend must be one of")):
+        with pytest.raises(ValueError, match=why):
+            occlusion_ratios(labels, method="queries", backend=backend)
     with pytest.raises(ValueError, match="method must be one of"):
         occlusion_ratios(labels, method="guess")

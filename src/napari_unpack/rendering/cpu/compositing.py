@@ -289,7 +289,7 @@ def march(  # type: ignore[no-untyped-def]
         `Strides.grids` and `Strides.slots`.
     table, tints : (n, 4) ndarray of float32
         Transfer function, and tints by ID.
-    shown : (M,) ndarray of uint8
+    shown : (M,) ndarray of bool
         By ID, whether its tint is visible.
     look : (14,) ndarray of float32
         Domain, spacing and light; see `tinted`.

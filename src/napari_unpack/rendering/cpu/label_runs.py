@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.geometry.occlusion_counts import OcclusionCounts
+from napari_unpack.geometry.occlusion_counts import MOST_IN_TABLE, OcclusionCounts
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.kernels import njit
 from napari_unpack.rendering.cpu.bricks import Bricks
@@ -38,8 +38,6 @@ from napari_unpack.rendering.cpu.ray_packets import (
 )  # fmt: skip
 # isort: on
 
-# Above this many objects there is no table of who blocks whom: it grows with their square.
-MOST_IN_TABLE = 4096
 # Samples of one run, at most; longer ones are written as several.
 LONGEST = 0xFFFF
 # Bits of a run below its object's ID.

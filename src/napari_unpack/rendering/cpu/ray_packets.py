@@ -41,7 +41,7 @@ SEVERAL = np.int32(-2)
 # Events: the ray comes to another object, or to its end.
 TURNS, ENDS = np.int32(1), np.int32(2)
 
-# Samples of a mixed brick that are looked at together; `walking.AHEAD`.
+# Samples of a mixed brick that are looked at together; `object_ids.AHEAD`.
 TOGETHER = 16.0
 # Liberties the compiler may take: none that could move a sample, or a comparison of numbers.
 ORDERED = {"nnan", "nsz"}

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from napari_unpack.geometry.occlusion_counts import MOST_IN_TABLE
 from napari_unpack.kernels import njit
 from napari_unpack.rendering.cpu.bricks import Bricks, strides
 from napari_unpack.rendering.cpu.ray_sampling import BRICK
 from napari_unpack.rendering.cpu.thread_pool import over_bands
 
-# Above this many objects there is no table of blockers: it grows with their square.
-MOST_IN_TABLE = 4096
 # Positions tested per voxel edge on the way: rounded to voxels, none is passed over.
 STEPS = 4
 

@@ -10,15 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.rays import Rays
-from napari_unpack.geometry.shading import Shading
+from napari_unpack.geometry.shading import UNLIT, Shading
 from napari_unpack.rendering.cpu.brick_cache import BrickCache
 from napari_unpack.rendering.cpu.bricks import Bricks, Density, Strides
 from napari_unpack.rendering.cpu.compositing import correction, march
 from napari_unpack.rendering.cpu.ray_sampling import BRICK, band_of, clipping_planes, ray_numbers
 from napari_unpack.rendering.cpu.thread_pool import over_bands
-
-# No light at all: the transfer function's colours as they are.
-UNLIT = Shading(ambient=1.0, diffuse=0.0, specular=0.0)
 
 
 def tinted(
@@ -75,7 +72,7 @@ def tinted(
     -----
     Opacity is corrected for the length of a step, 1 - (1 - a)^(length / min(spacing)), after
     the tint's alpha is multiplied on. A sample's colour is at most 1 in each channel, highlight
-    included. A ray ends at alpha `chunks.OPAQUE`. The gradient is the central difference of
+    included. A ray ends at alpha `compositing.OPAQUE`. The gradient is the central difference of
     the interpolated density one voxel to both sides, in density per `min(spacing)` mm of the
     bag; see `Shading` for the light.
     """

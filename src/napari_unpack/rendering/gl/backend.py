@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from napari_unpack.appearance import interference as interference_on_cpu
 from napari_unpack.appearance.interference_graph import half_widths
 from napari_unpack.geometry.boxes import LabelBoxes
-from napari_unpack.geometry.occlusion_counts import OcclusionCounts
+from napari_unpack.geometry.occlusion_counts import MOST_IN_TABLE, OcclusionCounts
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.rendering.gl import occlusion_atomics, offscreen
@@ -26,7 +26,7 @@ from napari_unpack.rendering.gl.interference_pass import InterferencePass
 from napari_unpack.rendering.gl.object_id_pass import LAYERS_A_PASS, MOST_LAYERS, ObjectIdPass
 from napari_unpack.rendering.gl.occlusion_atomics import OcclusionAtomics, RayTooCrowdedError
 from napari_unpack.rendering.gl.occlusion_queries import MOST_QUERIED, FirstHits, OcclusionQueries
-from napari_unpack.rendering.gl.occlusion_runs import MOST_IN_TABLE, OcclusionPass, counts_of_runs
+from napari_unpack.rendering.gl.occlusion_runs import OcclusionPass, counts_of_runs
 from napari_unpack.rendering.gl.programs import ShaderError
 from napari_unpack.rendering.gl.textures import Density, VolumeTextures
 from napari_unpack.rendering.gl.tinted_pass import Appearance, TintedPass

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vispy import gloo
 
-from napari_unpack.geometry.occlusion_counts import OcclusionCounts
+from napari_unpack.geometry.occlusion_counts import MOST_IN_TABLE, OcclusionCounts
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.rendering.gl.framebuffer import Target
 from napari_unpack.rendering.gl.lookup_tables import IdTable
@@ -22,9 +22,6 @@ from napari_unpack.rendering.gl.uniforms import Leaps, assign, plane_uniforms, r
 RUNS_A_PASS = 6
 # Where a ray that is done would resume; the twin of shaders/passes/label_runs.frag.
 NO_MORE = 1.0e30
-
-# Above this many objects there is no table of who blocks whom, as on the CPU.
-MOST_IN_TABLE = 4096
 
 
 class OcclusionPass:

@@ -11,7 +11,7 @@ from vispy import gloo
 
 from napari_unpack.geometry.axes import flip
 from napari_unpack.geometry.rays import Rays
-from napari_unpack.geometry.shading import Shading
+from napari_unpack.geometry.shading import UNLIT, Shading
 from napari_unpack.rendering.gl.framebuffer import Target, renderer
 from napari_unpack.rendering.gl.lookup_tables import IdTable, TransferTable
 from napari_unpack.rendering.gl.offscreen import is_software_renderer
@@ -19,9 +19,6 @@ from napari_unpack.rendering.gl.programs import Programs
 from napari_unpack.rendering.gl.textures import VolumeTextures
 from napari_unpack.rendering.gl.uniforms import Leaps, assign, plane_uniforms, ray_uniforms
 from napari_unpack.rendering.gl.voxel_buffer import VoxelBuffer
-
-# No light at all: the transfer function's colours as they are.
-UNLIT = Shading(ambient=1.0, diffuse=0.0, specular=0.0)
 
 # Samples that a software rasteriser takes before it asks for empty bricks again.
 #

@@ -10,6 +10,7 @@ from importlib.metadata import version
 
 # A driver compiles all shaders anew; one that hangs must not keep us waiting for ever.
 SECONDS = 60
+LATE = f"it did not draw within {SECONDS} s"
 DRAWN = "the driver has drawn"
 OFFSCREEN = "from napari_unpack.rendering.gl.trial import draw_offscreen; draw_offscreen()"
 
@@ -30,7 +31,7 @@ def tried(command: str) -> str:
             [sys.executable, "-c", command], capture_output=True, text=True, timeout=SECONDS
         )
     except subprocess.TimeoutExpired:
-        return f"it did not draw within {SECONDS} s"
+        return LATE
     except OSError:
         return ""
     if DRAWN in child.stdout:
@@ -53,7 +54,10 @@ def refusal(driver: str) -> str:
     with suppress(OSError, ValueError):
         return file.read_text("utf-8")
     reason = tried(OFFSCREEN)
-    # Where nothing can be kept, the next process asks again.
+    if reason == LATE:
+        # The machine may have been busy: the next process asks again.
+        return reason
+    # As it does where nothing can be kept.
     with suppress(OSError):
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(reason, "utf-8")

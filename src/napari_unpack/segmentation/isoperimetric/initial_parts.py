@@ -41,6 +41,7 @@ def split_parts(
     progress: Progress,
     oracle: Oracle,
     foreground: ForegroundOptions,
+    smallest: float,
     step: float = 0.11,
     rule: SplitRule | None = None,
 ) -> tuple[NDArray[np.int32], DensityScale]:
@@ -54,6 +55,8 @@ def split_parts(
     oracle : callable
         Confidence in [0, 1] that a region is exactly one object.
     foreground : ForegroundOptions
+    smallest : float
+        Of an object, mm^3: a component below it is left out.
     step : float
         Log density step between two density regions.
     rule : SplitRule, optional
@@ -85,7 +88,7 @@ def split_parts(
     scale = DensityScale(levels.air, knee, step)
     regions = density_regions(density, mask, scale, fewest, share=dividing)
     share(0.25, "Finding components")
-    components = _components(regions, density, spacing, limits.smallest)
+    components = _components(regions, density, spacing, smallest)
     found = split_recursively(components, oracle, limits.smallest, share.part(0.3, 0.9))
     parts = _label(found, density.shape)
     if foreground.shell:

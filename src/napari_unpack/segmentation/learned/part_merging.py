@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.memory import check_memory
 from napari_unpack.segmentation.common.adjacency import join_rows
 from napari_unpack.segmentation.common.density_regions import DensityScale, log_density
 from napari_unpack.segmentation.common.joins import JoinLog
@@ -142,6 +143,11 @@ def measure_predicted_parts(
     parts : (Z, Y, X) ndarray of int32
         1, 2, ...; those of fewer than 100 voxels are part of a neighbour or of nothing.
     measured : PredictedParts
+
+    Raises
+    ------
+    ValueError
+        If tables of all pairs do not fit into memory: they grow with the square of the parts.
     """
     size = proportions(spacing)
     parts = absorb_small(parts, size, MIN_OBJECT_VOXELS)
@@ -149,12 +155,17 @@ def measure_predicted_parts(
     top = int(max(parts.max(initial=0) + 1, len(owner)))
     there = np.bincount(parts.reshape(-1), minlength=top) > 0
     there[0] = True
+    number, reaches = int(there.sum()), affinities.sums.shape[1]
+    check_memory(
+        f"comparing {number - 1:,} parts with each other",
+        8 * number**2 * (3 * reaches + 3),
+        "take it for grainy (grainy=True), which compares none, or crop the volume",
+    )
     compact = np.where(there, np.cumsum(there) - 1, 0).astype(np.int32)
     labels = compact[parts]
     share(0.3)
     lifted = log_density(density, labels > 0, scale)
     plain = measure_parts(labels, lifted, size, share.part(0.4, 0.9))
-    number, reaches = int(there.sum()), affinities.sums.shape[1]
     between, pairs = (np.zeros((number, number, reaches)) for _ in range(2))
     within, inner = (np.zeros((number, reaches)) for _ in range(2))
     one, two = compact[owner[affinities.pairs]].T
