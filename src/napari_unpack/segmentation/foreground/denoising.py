@@ -53,9 +53,10 @@ def _is_clear(density: NDArray[np.generic]) -> bool:
         levels = find_levels(density)
     except NothingFoundError:
         return False
-    foreground = density[density >= levels.high]
-    clear = levels.air + CLEAR * levels.noise
-    return levels.noise > 0 and len(foreground) > 0 and bool(np.median(foreground) > clear)
+    foreground = density[density >= levels.high].astype(np.float64)
+    if not (levels.noise > 0 and len(foreground)):
+        return False
+    return float(np.median(foreground)) > levels.air + CLEAR * levels.noise
 
 
 def _neighbour_correlation(density: NDArray[np.generic]) -> float:
