@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cc3d
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +49,7 @@ def is_noisy(density: NDArray[np.generic]) -> bool:
     return -1.0 < _neighbour_correlation(density) < LEAST_CORRELATION and not _is_clear(density)
 
 
-def _is_clear(density: NDArray[np.generic]) -> bool:
+def _is_clear(density: NDArray[Any]) -> bool:
     """Return whether the foreground stands far above the noise, little as it may be of all."""
     try:
         levels = find_levels(density)
