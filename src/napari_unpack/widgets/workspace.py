@@ -219,6 +219,7 @@ class Workspace(QObject):
         view = SavedView.of(self.viewer.scene.camera)
         # What the user chose for the bag holds for its contents.
         inner.tint_mode, inner.length_unit = session.tint_mode, session.length_unit
+        inner.decorations = session.decorations
         self._switch_to(
             inner, [*self._outer, _OuterBag(session, controller.sources, view, object_id)]
         )
