@@ -289,6 +289,9 @@ class OpacityEditor(QWidget):
 
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
         """Add a point."""
+        if event.button() != Qt.MouseButton.LeftButton:
+            self.mousePressEvent(event)
+            return
         if self._nearest(event.position()) >= 0:
             return
         point = self._point_at(event.position())
