@@ -66,7 +66,9 @@ def session() -> SimpleNamespace:
 
 @pytest.fixture
 def table(qtbot: QtBot, session: SimpleNamespace) -> ObjectTable:
-    model = ObjectModel(session.rename)
+    edges = {3: (20.0, 6.0, 2.0), 5: (25.0, 6.0, 2.0), 8: (30.0, 6.0, 2.0)}
+    sizes = SimpleNamespace(known=lambda: edges)
+    model = ObjectModel(session.rename, sizes=sizes)
     model.load(session)
     made = ObjectTable(model)
     qtbot.addWidget(made)

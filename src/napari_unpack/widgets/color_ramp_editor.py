@@ -48,8 +48,8 @@ class ColorRampEditor(QWidget):
 
     edited = Signal(object)
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self) -> None:
+        super().__init__()
         self._stops: list[Stop] = []
         self._domain = (0.0, 1.0)
         self._chosen = -1

@@ -141,8 +141,8 @@ class OpacityEditor(QWidget):
 
     edited = Signal(object)
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self) -> None:
+        super().__init__()
         self._points: list[Point] = [(0.0, 0.0), (1.0, 1.0)]
         self._domain = (0.0, 1.0)
         self._heights: NDArray[np.float64] = np.zeros(BINS)

@@ -9,8 +9,7 @@ from qtpy.QtCore import Signal
 from qtpy.QtWidgets import QLineEdit
 
 from napari_unpack.widgets.notifications import errors_shown
-
-Point = tuple[float, float]
+from napari_unpack.widgets.opacity_editor import Point
 
 
 class TypedPoints(QLineEdit):
