@@ -81,6 +81,29 @@ def test_keys_and_a_right_click_act_on_the_chosen_colour(qtbot, strip, dialog) -
     assert strip.stops == []
 
 
+def test_a_second_right_click_as_fast_as_a_double_click_asks_for_no_colour(
+    qtbot, strip, dialog
+) -> None:
+    here = strip.position(500.0).toPoint()
+    qtbot.mouseClick(strip, RIGHT, pos=here)
+    qtbot.mouseDClick(strip, RIGHT, pos=here)
+    assert strip.stops == STOPS[1:]
+
+
+@pytest.mark.parametrize("density", [500.0, 900.0])
+def test_a_colour_chosen_for_the_bag_before_is_none_of_the_bag_that_came_meanwhile(
+    qtbot, strip, monkeypatch, density
+) -> None:
+    def ask(*_: object) -> QColor:
+        strip.show_colors(STOPS[1:], (0.0, 2000.0))
+        return QColor("#33cc66")
+
+    monkeypatch.setattr(color_ramp_editor.QColorDialog, "getColor", ask)
+    with qtbot.assertNotEmitted(strip.edited):
+        qtbot.mouseDClick(strip, LEFT, pos=strip.position(density).toPoint())
+    assert strip.stops == STOPS[1:]
+
+
 def test_keys_alone_add_choose_and_change_colours(qtbot, strip, dialog) -> None:
     key, shift = Qt.Key, Qt.KeyboardModifier.ShiftModifier
     strip.show_colors(None, (0.0, 2000.0))

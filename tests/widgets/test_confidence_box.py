@@ -1,6 +1,7 @@
 """Marking objects good, training on them, loading and going back to the default."""
 
 from threading import Event
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from napari_unpack.segmentation.confidence.reasons import reasons
 from napari_unpack.segmentation.object_table import confidences
 from napari_unpack.session import Session
 from napari_unpack.session.object_facts import reasons_of
+from napari_unpack.widgets.confidence_reasons import ConfidenceReasons
 from napari_unpack.widgets.object_columns import Column
 from opened_panel import add_bag, controller_with, open_panel, pile_of_balls, press
 
@@ -321,3 +323,23 @@ def test_examples_too_small_to_learn_from_are_not_counted(taught, qtbot) -> None
     assert "12 examples, 12 of them below 64 voxels" in box.sentence.text()
     assert "training needs 8 of 64 voxels or more" in box.sentence.text()
     assert not box.train.isEnabled()
+
+
+def test_reasons_of_the_model_before_are_none_of_the_model_in_use():
+    asked, editor = [], SimpleNamespace(oracle=None)
+    session = SimpleNamespace(
+        bag=object(), label_editor=editor, label_data=SimpleNamespace(revision=1)
+    )
+    workspace = SimpleNamespace(
+        session=session,
+        switched=SimpleNamespace(connect=lambda _: None),
+        scheduler=SimpleNamespace(submit=lambda task, worker, done, failed: asked.append(done)),
+    )
+    why = ConfidenceReasons(workspace)
+    why.of(1)
+    editor.oracle = object()
+    why.of(1)
+    asked[0](("it is thin",))
+    assert "being worked out" in why.of(1)
+    asked[1](("it is flat",))
+    assert why.of(1) == "Lowered because it is flat."

@@ -142,6 +142,12 @@ def test_names_come_from_the_features_of_labels() -> None:
     assert names_of(Labels(np.zeros((4, 5, 6), np.uint8))) == {}
 
 
+@pytest.mark.parametrize("index", [[1, np.nan], [1, None], ["1", None]])
+def test_rows_of_features_that_belong_to_no_label_are_passed_over(index: list[object]) -> None:
+    features = {"index": index, "name": ["Mug", "spare"]}
+    assert names_of(Labels(np.zeros((4, 5, 6), np.uint8), features=features)) == {1: "Mug"}
+
+
 def test_what_is_painted_while_objects_are_measured_is_not_in_the_session(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -10,8 +10,9 @@ import pandas as pd
 import pytest
 from pytestqt.modeltest import ModelTester
 from pytestqt.qtbot import QtBot
-from qtpy.QtCore import QPoint, Qt
-from qtpy.QtGui import QFont, QFontMetrics
+from qtpy.QtCore import QEvent, QPoint, Qt
+from qtpy.QtGui import QFont, QFontMetrics, QKeyEvent
+from qtpy.QtWidgets import QApplication
 
 from napari_unpack.geometry.length_unit import MM
 from napari_unpack.session import ObjectState
@@ -65,7 +66,9 @@ def session() -> SimpleNamespace:
 
 @pytest.fixture
 def table(qtbot: QtBot, session: SimpleNamespace) -> ObjectTable:
-    model = ObjectModel(session.rename)
+    edges = {3: (20.0, 6.0, 2.0), 5: (25.0, 6.0, 2.0), 8: (30.0, 6.0, 2.0)}
+    sizes = SimpleNamespace(known=lambda: edges)
+    model = ObjectModel(session.rename, sizes=sizes)
     model.load(session)
     made = ObjectTable(model)
     qtbot.addWidget(made)
@@ -131,6 +134,27 @@ def test_search_finds_names_and_ids(table: ObjectTable) -> None:
     assert _shown(table, Column.NAME) == ["Shoe"]
     table.rows.keep_text("")
     assert len(_shown(table, Column.NAME)) == 3
+
+
+def test_search_finds_the_ids_that_people_know(
+    table: ObjectTable, session: SimpleNamespace
+) -> None:
+    session.label_of = {3: 70001, 5: 3, 8: 70003}.get
+    table.objects.load(None)
+    table.objects.load(session)
+    table.rows.keep_text("3")
+    assert _shown(table, Column.NAME) == ["Shoe"]
+
+
+def test_objects_of_unknown_density_come_before_all_that_are_known(qtbot: QtBot) -> None:
+    session = _session(tuple("abcdef"), (1, 2, 3, 4, 5, 6))
+    session.objects["mean_density"] = [700.0, 300.0, np.nan, 900.0, 100.0, np.nan]
+    model = ObjectModel(session.rename)
+    model.load(session)
+    table = ObjectTable(model)
+    qtbot.addWidget(table)
+    table.sortByColumn(Column.DENSITY, Qt.SortOrder.AscendingOrder)
+    assert "".join(_shown(table, Column.NAME)) == "cfebad"
 
 
 @pytest.mark.parametrize("form", ["NFC", "NFD"])
@@ -246,6 +270,15 @@ def test_letters_are_left_to_the_viewer(qtbot: QtBot, table: ObjectTable) -> Non
     before = table.currentIndex()
     qtbot.keyClick(table, Qt.Key.Key_S)
     assert table.currentIndex() == before
+
+
+def test_control_a_selects_every_row(table: ObjectTable) -> None:
+    # With the text that X11 gives it.
+    event = QKeyEvent(
+        QEvent.Type.KeyPress, Qt.Key.Key_A, Qt.KeyboardModifier.ControlModifier, "\x01"
+    )
+    QApplication.sendEvent(table, event)
+    assert sorted(table.selected_ids()) == [3, 5, 8]
 
 
 def test_columns_show_where_there_is_room_and_confidence_first(table: ObjectTable) -> None:

@@ -73,6 +73,18 @@ def test_a_double_click_adds_a_point_and_a_right_click_removes_it(
     assert editor.points == CURVE
 
 
+def test_a_second_right_click_as_fast_as_a_double_click_adds_nothing(
+    qtbot: QtBot, editor: OpacityEditor
+) -> None:
+    right, here, beside = Qt.MouseButton.RightButton, _spot(editor, 1), _spot(editor, 2)
+    qtbot.mouseClick(editor, right, pos=here)
+    qtbot.mouseDClick(editor, right, pos=here)
+    assert editor.points == [CURVE[0], *CURVE[2:]]
+    # It is a right click as any other.
+    qtbot.mouseDClick(editor, right, pos=beside)
+    assert editor.points == [CURVE[0], CURVE[3]]
+
+
 def test_dragging_beside_the_points_moves_the_whole_curve(
     qtbot: QtBot, editor: OpacityEditor
 ) -> None:
@@ -180,6 +192,19 @@ def test_points_are_typed_and_what_cannot_be_is_told(qtbot: QtBot, monkeypatch) 
     for wrong in ("", "1 0", "1 0, 1 1", "2 0, 1 1", "0 0, 1 2"):
         with pytest.raises(ValueError, match="pairs of density and opacity"):
             points_of(wrong)
+
+
+def test_points_that_are_left_as_they_stood_are_not_rounded(qtbot: QtBot) -> None:
+    line, told = TypedPoints(), []
+    qtbot.addWidget(line)
+    line.edited.connect(told.append)
+    line.show_points([(0.0, 0.0), (1234.567, 0.0012345), (30000.0, 0.5)])
+    assert line.text() == "0 0, 1234.6 0.00123, 30000 0.5"
+    line.end(False)
+    qtbot.keyClick(line, Qt.Key.Key_Backspace)
+    qtbot.keyClicks(line, "6, 31000 1")
+    qtbot.keyClick(line, Qt.Key.Key_Return)
+    assert told == [[(0.0, 0.0), (1234.567, 0.0012345), (30000.0, 0.6), (31000.0, 1.0)]]
 
 
 def test_presets_are_of_ct_and_follow_its_values() -> None:

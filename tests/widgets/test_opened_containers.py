@@ -9,6 +9,7 @@ from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
 
 from mouse import move
+from napari_unpack.appearance import Decorations
 from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.layers import compat
 from napari_unpack.viewer.label_sync import QUIET_MS
@@ -112,6 +113,18 @@ def test_an_opened_object_is_a_bag_of_its_own_and_slices_stay_the_outer_ones(
     assert not workspace.is_inside
     np.testing.assert_array_equal(mine.colormap.map(np.array([1, 2])), hue)
     assert workspace.controller.interaction.in_slice((10, 10, 10)) == 1
+
+
+def test_background_box_and_scale_bar_are_those_of_the_bag(studied: Any) -> None:
+    _, panel, outer, *_ = studied
+    outer.decorations = Decorations.of("light", ("box", "scale"))
+    panel.unsaved.mark()()
+    panel.workspace.open_container(1)
+    inner = panel.workspace.session
+    assert inner is not outer
+    shown = inner.decorations
+    assert (shown.background.name, shown.box, shown.scale) == ("light", True, True)
+    assert not panel.unsaved.changed
 
 
 def test_slices_show_what_is_inside_the_opened_object(studied: Any, qtbot: QtBot) -> None:

@@ -16,14 +16,24 @@ from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import Qt
 
+import napari_unpack as nu
 from napari_unpack.io import recovery as copies
-from napari_unpack.io.recovery import leftovers, recovery_folder
+from napari_unpack.io.headless import snapshot
+from napari_unpack.io.recovery import UnsavedCopy, leftovers, recovery_folder
 from napari_unpack.segmentation.confidence.features import FEATURES
 from napari_unpack.segmentation.confidence.oracle import fit_features
 from napari_unpack.widgets import recovery
 from napari_unpack.widgets.preferences import Preferences
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
-from opened_panel import add_bag, controller_with, open_panel, press, rest, states
+from opened_panel import (
+    add_bag,
+    controller_with,
+    open_panel,
+    pile_of_balls,
+    press,
+    rest,
+    states,
+)
 
 LEFT = Qt.MouseButton.LeftButton
 
@@ -154,6 +164,25 @@ def test_nothing_of_the_scan_stays_on_disk_once_keeping_is_switched_off(
     stored = Preferences()
     press(qtbot, panel.unpack.next)
     qtbot.waitUntil(lambda: out_on_disk() == 3, timeout=10000)
+
+
+def test_what_was_continued_and_saved_is_not_offered_again_where_nothing_is_kept(
+    viewer: Any, qtbot: QtBot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session, left = nu.Session(*pile_of_balls()), UnsavedCopy(recovery_folder())
+    left.keep(snapshot(session), "bag", None, lambda fraction: None, ())
+    left.close()
+    monkeypatch.setattr(recovery, "preferences", lambda: Preferences(keep_unsaved=False))
+    panel = open_panel(viewer, qtbot)
+    qtbot.waitUntil(panel.recovery.isVisible, timeout=20000)
+    press(qtbot, panel.recovery.restore)
+    qtbot.waitUntil(lambda: panel.workspace.session is not None, timeout=60000)
+    rest(panel, qtbot)
+    # A second crash must not find nothing.
+    assert len(leftovers(recovery_folder())) == 1
+    panel.files.save_to(tmp_path / "saved.unpack")
+    qtbot.waitUntil(lambda: leftovers(recovery_folder()) == [], timeout=60000)
+    panel.end()
 
 
 def test_what_was_discarded_for_nothing_is_kept_again(

@@ -117,6 +117,21 @@ def test_a_key_gives_no_answer_that_is_not_offered(
     assert [a.said for a in session.review.answers] == ["same", "same"]
 
 
+def test_a_key_answers_no_question_that_is_folded_away(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
+) -> None:
+    panel.objects.review.toggle.setChecked(True)
+    asked(panel, qtbot, 0)
+    panel.objects.fold.setChecked(True)
+    canvas = compat.native_canvas(viewer).native
+    qtbot.keyClick(canvas, Qt.Key.Key_X)
+    assert not panel.objects.repair.running
+    assert session.history.done == ()
+    panel.objects.fold.setChecked(False)
+    qtbot.keyClick(canvas, Qt.Key.Key_K)
+    qtbot.waitUntil(lambda: len(session.review.answers) == 1, timeout=20000)
+
+
 def test_labels_of_ones_own_have_no_questions_and_keys_then_do_nothing(
     viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
 ) -> None:

@@ -486,7 +486,7 @@ def test_a_closed_dock_does_nothing_and_comes_back_as_it_was(
     assert again.button.isChecked()
     assert again.dock.isVisible()
     again.end()
-    panel.slices = SlicesButton(panel.workspace, panel)
+    panel.slices = SlicesButton(panel.workspace)
     press(qtbot, panel.slices.button)
     dock = panel.slices.dock
     drawn(dock, qtbot)

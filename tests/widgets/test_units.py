@@ -16,7 +16,7 @@ from qtpy.QtTest import QTest
 from qtpy.QtWidgets import QApplication, QDoubleSpinBox, QLineEdit
 
 from napari_unpack import io
-from napari_unpack.geometry.length_unit import MICRO, LengthUnit
+from napari_unpack.geometry.length_unit import MICRO, MM, LengthUnit
 from napari_unpack.io import open_session, save_objects_csv, save_session
 from napari_unpack.io.file_data import NO_VOXEL_SIZE
 from napari_unpack.io.report import save_objects_page
@@ -24,6 +24,7 @@ from napari_unpack.layers.placement import SIZE_ASSUMED
 from napari_unpack.session.measurements import SurfacePoint
 from napari_unpack.widgets.narrow import SIZED
 from napari_unpack.widgets.object_model import Column
+from napari_unpack.widgets.segment_options import SegmentOptions
 from napari_unpack.widgets.theme import GAP
 from napari_unpack.widgets.voxel_size import VoxelSize, edges_of
 from opened_panel import add_bag, controller_with, rest
@@ -232,6 +233,23 @@ def test_of_voxels_all_that_is_typed_is_taken_for_millimetres(viewer: Any, panel
 )  # fmt: skip
 def test_a_voxel_size_is_read_with_points_and_with_decimal_commas(text: str) -> None:
     assert edges_of(text) == (0.5, 0.25, 2.0)
+
+
+def test_the_smallest_object_stays_as_large_as_it_was_whatever_unit_is_shown_meanwhile(
+    qtbot: QtBot,
+) -> None:
+    options = SegmentOptions()
+    qtbot.addWidget(options)
+    options.show_unit(LengthUnit(MICRO, 1000.0))
+    options.smallest.setValue(100.0)
+    shown = options.smallest.text()
+    # Of a nucleus, less than a millimetre has digits for: none is set for a CT.
+    options.show_unit(MM)
+    assert options.smallest.text() == "automatic"
+    assert options.settings()["smallest"] is None
+    options.show_unit(LengthUnit(MICRO, 1000.0))
+    assert options.smallest.text() == shown
+    assert options.settings()["smallest"] == pytest.approx(1e-7)
 
 
 @pytest.fixture(params=["de_DE", "ar_EG"])

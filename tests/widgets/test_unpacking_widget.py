@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import Qt
 from qtpy.QtTest import QTest
+from qtpy.QtWidgets import QFileDialog
 
 from napari_unpack.layers import compat
 from napari_unpack.session import Session
@@ -371,3 +373,40 @@ def test_the_sample_is_the_volume_to_segment_and_above_it_labels_unseen() -> Non
     assert about_labels["visible"] is False
     assert about_volume["scale"] == about_labels["scale"]
     assert heard
+
+
+def test_what_was_asked_of_one_bag_is_not_done_to_the_bag_that_came_meanwhile(
+    viewer: Any,
+    panel: UnpackingWidget,
+    piled: Session,
+    qtbot: QtBot,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # As a segmentation brings it, when its work ends.
+    def another() -> Session:
+        panel.workspace.open(Session(*pile_of_balls()), panel.workspace.controller.sources)
+        return panel.workspace.session
+
+    def chosen(*_: Any) -> tuple[str, str]:
+        another()
+        return str(tmp_path / "table.csv"), ""
+
+    warned: list[str] = []
+    monkeypatch.setattr("napari_unpack.widgets.notifications.warn", warned.append)
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", chosen)
+    (table,) = [a for a in panel.files.menu.actions() if a.text() == "Table…"]
+    table.trigger()
+    assert not panel.files.progress.running
+    assert len(warned) == 1
+    assert not (tmp_path / "table.csv").exists()
+
+    names, before = tmp_path / "bag.ctbl", panel.workspace.session
+    names.write_text("0 Background 0 0 0 0\n2 Left_shoe 255 0 51 255\n")
+    panel.files.name_from(names)
+    after = another()
+    qtbot.waitUntil(lambda: not panel.files.progress.running, timeout=20000)
+    assert len(warned) == 2
+    assert "another bag is shown now" in warned[0] == warned[1]
+    for session in (before, after):
+        assert "Left shoe" not in set(session.objects["name"])

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from qtpy.QtCore import QSignalBlocker, Qt
 from qtpy.QtWidgets import QGridLayout, QSlider, QWidget
 
+from napari_unpack.widgets.inspection_box import APPLY_MS
 from napari_unpack.widgets.narrow import Check, Choice
 from napari_unpack.widgets.notifications import errors_shown
 from napari_unpack.widgets.number_box import NumberBox
@@ -20,9 +21,6 @@ if TYPE_CHECKING:
     from napari_unpack.geometry.axes import Vector
     from napari_unpack.session import Session
     from napari_unpack.viewer.controller import SessionController
-
-# A drag of the slider is applied as often as the bag can be drawn.
-APPLY_MS = 40
 
 THIS_VIEW, ANOTHER_WAY = "This view", "Another direction"
 AXES = {"z (slices)": 0, "y (rows)": 1, "x (columns)": 2}
@@ -53,8 +51,7 @@ class ClippingBox(Collapsible):
         self.handle.setToolTip("Show the plane's arrow and rim in the 3D view.")
         self.handle.setChecked(True)
         self.flip = button("Flip", "Cut away the other side of the plane.")
-        self.across = Choice()
-        self.across.addItems([THIS_VIEW, *AXES, ANOTHER_WAY])
+        self.across = Choice(THIS_VIEW, *AXES, ANOTHER_WAY)
         self.across.setToolTip(
             "In which direction the plane faces: towards you now, or along an axis of the scan."
         )
@@ -175,7 +172,8 @@ class ClippingBox(Collapsible):
     def _show_unit(self, session: Session) -> None:
         unit = session.length_unit
         self._per_mm = unit.per_mm
-        low, high = (unit.per_mm * edges for edges in scan_edges(session))
+        corners = np.array([(0, 0, 0), session.labels.shape]) - 0.5
+        low, high = unit.per_mm * session.spacing * corners
         for title, words in zip(self._titles, SIDES, strict=True):
             title.setText(f"{words}, {unit.name}")
         for side in self.sides:
@@ -241,12 +239,6 @@ class ClippingBox(Collapsible):
         if session is None:
             return np.array([[0.0] * 3, [1.0] * 3])
         return np.stack([session.bag.lower, session.bag.upper])
-
-
-def scan_edges(session: Session) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the lower and upper corner of a session's scan, world mm."""
-    shape = np.array(session.labels.shape)
-    return -0.5 * session.spacing, (shape - 0.5) * session.spacing
 
 
 def _normal(controller: SessionController, name: str) -> Vector:

@@ -48,8 +48,8 @@ class ColorRampEditor(QWidget):
 
     edited = Signal(object)
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self) -> None:
+        super().__init__()
         self._stops: list[Stop] = []
         self._domain = (0.0, 1.0)
         self._chosen = -1
@@ -128,6 +128,9 @@ class ColorRampEditor(QWidget):
 
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
         """Add a colour, or ask for another in place of one."""
+        if event.button() != Qt.MouseButton.LeftButton:
+            self.mousePressEvent(event)
+            return
         self._dragging = False
         self._chosen = self._nearest(event.position())
         if self._chosen >= 0:
@@ -225,8 +228,11 @@ class ColorRampEditor(QWidget):
             self._emit()
 
     def _ask_color(self, now: RGB) -> RGB | None:
+        before = self.stops
         color = QColorDialog.getColor(QColor.fromRgbF(*now), self, "Colour of this density")
-        return (color.redF(), color.greenF(), color.blueF()) if color.isValid() else None
+        # Meanwhile another bag may be shown, with colours of its own.
+        taken = color.isValid() and self._stops == before
+        return (color.redF(), color.greenF(), color.blueF()) if taken else None
 
     def _emit(self) -> None:
         self.update()

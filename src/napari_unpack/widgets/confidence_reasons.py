@@ -47,15 +47,16 @@ class ConfidenceReasons(QObject):
 
             key = (SLOT, session.label_data.revision, object_id)
             task = Task(key, lambda _: reasons_of(session, object_id))
-            take = partial(self._take, session.bag, object_id)
+            # What is found of other labels or by another model is of no use any more.
+            take = partial(_take, self._known, object_id)
             self._workspace.scheduler.submit(task, Worker.LONG, take, failed=lambda _: None)
         return self._known.get(object_id, "Why: being worked out, point here again in a moment.")
-
-    def _take(self, bag: Bag, object_id: int, reasons: tuple[str, ...]) -> None:
-        if bag is self._bag:
-            lowered = f"Lowered because {'; '.join(reasons)}."
-            self._known[object_id] = lowered if reasons else "Nothing of note lowered it."
 
     def _forget(self) -> None:
         # It would keep the volume of a closed session alive.
         self._bag, self._oracle, self._known = None, None, {}
+
+
+def _take(known: dict[int, str], object_id: int, reasons: tuple[str, ...]) -> None:
+    lowered = f"Lowered because {'; '.join(reasons)}."
+    known[object_id] = lowered if reasons else "Nothing of note lowered it."

@@ -11,6 +11,7 @@ from napari.layers import Labels
 from napari_unpack.layers import compat
 from napari_unpack.tasks import Progress, Task
 from napari_unpack.viewer.scheduler import Scheduler, Worker, on_main_thread
+from napari_unpack.widgets.large_files import READ_ELSEWHERE, LayerData
 from napari_unpack.widgets.notifications import errors_shown, inform
 
 if TYPE_CHECKING:
@@ -19,12 +20,6 @@ if TYPE_CHECKING:
 
     from napari_unpack.session import Session
     from napari_unpack.widgets.unpacking_widget import UnpackingWidget
-
-# As napari's readers return layers: (data, attributes, layer type).
-LayerData = tuple[Any, ...]
-
-# napari's answer of a reader that needs no layers added.
-READ_ELSEWHERE: list[LayerData] = [(None,)]
 
 PLUGIN, PANEL = "napari-unpack", "Virtual Unpacking"
 
@@ -101,13 +96,11 @@ def _labels_layer(viewer: napari.Viewer) -> Labels | None:
     return None
 
 
-def packed_bag(seed: int = 4, progress: Progress | None = None) -> list[LayerData]:
+def packed_bag(progress: Progress | None = None) -> list[LayerData]:
     """Simulate a small bag and its true objects.
 
     Parameters
     ----------
-    seed : int
-        Each makes another bag.
     progress : callable, optional
         Takes (fraction in [0, 1], text); raises to cancel.
 
@@ -119,7 +112,7 @@ def packed_bag(seed: int = 4, progress: Progress | None = None) -> list[LayerDat
     """
     from napari_unpack.simulation import simulate_bag
 
-    bag = simulate_bag(seed=seed, shape=SAMPLE_SHAPE, count=SAMPLE_COUNT, progress=progress)
+    bag = simulate_bag(seed=4, shape=SAMPLE_SHAPE, count=SAMPLE_COUNT, progress=progress)
     placed = {"scale": tuple(float(s) for s in bag.spacing), "units": ("mm",) * 3}
     features = {"index": list(bag.objects.index), "name": list(bag.objects["name"])}
     truth = {"name": "Packed bag, true objects", "visible": False, "features": features}
@@ -133,13 +126,11 @@ def packed_bag(seed: int = 4, progress: Progress | None = None) -> list[LayerDat
     return [(bag.volume, shown | placed, "image"), (bag.labels, truth | placed, "labels")]
 
 
-def nuclei(seed: int = 0, progress: Progress | None = None) -> list[LayerData]:
+def nuclei(progress: Progress | None = None) -> list[LayerData]:
     """Simulate the nuclei of an embryo under a microscope.
 
     Parameters
     ----------
-    seed : int
-        Each makes another embryo.
     progress : callable, optional
         Takes (fraction in [0, 1], text); raises to cancel.
 
@@ -150,7 +141,7 @@ def nuclei(seed: int = 0, progress: Progress | None = None) -> list[LayerData]:
     """
     from napari_unpack.simulation.nuclei import simulate_nuclei
 
-    made = simulate_nuclei(seed, progress=progress)
+    made = simulate_nuclei(0, progress=progress)
     placed = {"scale": made.spacing, "units": ("um",) * 3}
     shown = {"name": "Nuclei", "colormap": "gray", "contrast_limits": (0, 900)}
     truth = {"name": "Nuclei, true objects", "visible": False}
@@ -159,12 +150,12 @@ def nuclei(seed: int = 0, progress: Progress | None = None) -> list[LayerData]:
 
 def packed_bag_sample() -> list[LayerData]:
     """Return `packed_bag()` to napari, which asks for it on its main thread, drawing meanwhile."""
-    return _made("Packing a bag", lambda p: packed_bag(progress=p))
+    return _made("Packing a bag", packed_bag)
 
 
 def nuclei_sample() -> list[LayerData]:
     """Return `nuclei()` to napari, as `packed_bag_sample` its bag."""
-    return _made("Growing nuclei", lambda p: nuclei(progress=p))
+    return _made("Growing nuclei", nuclei)
 
 
 def _made(text: str, make: Callable[[Progress | None], list[LayerData]]) -> list[LayerData]:

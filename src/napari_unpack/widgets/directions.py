@@ -10,13 +10,12 @@ from napari_unpack.geometry.axes import Vector, unit
 from napari_unpack.geometry.view import Camera
 
 Direction = str | tuple[float, float, float] | None
-TOWARDS_YOU = "Towards you"
 # Shown for a direction that was drawn, or that has no name.
 ALONG_ARROW = "Along arrow"
 
 # As `Session.direction` takes them: None is the opposite of the view, "up" the bag's own up.
 DIRECTIONS: dict[str, Direction] = {
-    TOWARDS_YOU: None,
+    "Towards you": None,
     "Out of the bag": "up",
     "Up (−y)": (0.0, -1.0, 0.0),
     "Down (+y)": (0.0, 1.0, 0.0),

@@ -412,6 +412,8 @@ class FilesSection(Section):
             return
 
         def name(labels: dict[int, NamedLabel]) -> None:
+            if not self._shows_still(session):
+                return
             # The labels of the file are those that people know.
             ids = {session.label_of(i): i for i in session.ids}
             ours = {ids[label]: about for label, about in labels.items() if label in ids}
@@ -561,9 +563,18 @@ class FilesSection(Section):
         answer = ask_where_to_write(
             self, kind.title, proposed, f"{kind.title} ({suffixes})", kind.suffixes
         )
-        if answer is not None:
+        if answer is not None and self._shows_still(controller.session):
             self._names.wrote(answer[0])
             self.export_to(kind, answer[0])
+
+    def _shows_still(self, session: Session) -> bool:
+        """Return whether a session is shown still, and say so where it is not."""
+        same = session is self._workspace.session
+        if not same:
+            notifications.warn(
+                "Nothing was done: another bag is shown now than when it was asked for."
+            )
+        return same
 
 
 def _range(labels: Collection[int]) -> str:

@@ -48,8 +48,7 @@ class IndexChooser(QWidget):
     def _add(self, axis: ExtraAxis, steps: Sequence[int]) -> None:
         field: QSpinBox | QComboBox
         if axis.choices:
-            field = Choice()
-            field.addItems(axis.choices)
+            field = Choice(*axis.choices)
         else:
             field = QSpinBox()
             field.setRange(0, axis.size - 1)

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 SLOT = "facts of the inspected object"
 
-# A drag is applied 25 times a second: about as often as the object can be drawn.
+# A drag is applied 25 times a second: about as often as bag or object can be drawn.
 APPLY_MS = 40
 
 

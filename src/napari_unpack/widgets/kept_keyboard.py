@@ -14,7 +14,7 @@ else:
 
 
 class KeepsKeyboard(_Widget):
-    """Of a button: disabled or hidden it keeps the keyboard.
+    """Of a button, a row or a box: disabled or hidden it keeps the keyboard.
 
     Keys then do nothing there; Tab goes on from there. A box that comes and goes, and all between
     it and its buttons, must be such too.

@@ -12,7 +12,11 @@ from napari_unpack.io.napari_reader import get_reader, read_layers
 if TYPE_CHECKING:
     from qtpy.QtWidgets import QMessageBox, QWidget
 
+# As napari's readers return layers: (data, attributes, layer type).
 LayerData = tuple[Any, ...]
+
+# napari's answer of a reader that needs no layers added.
+READ_ELSEWHERE: list[LayerData] = [(None,)]
 
 
 def get_volume_reader(
@@ -59,8 +63,7 @@ def read_volume(path: str | Sequence[str]) -> list[LayerData]:
                     viewer.add_layer(Layer.create(*data))
 
         ask_about_size(native_window(viewer), error, read)
-        # napari's answer of a reader that adds its layers by itself.
-        return [(None,)]
+        return READ_ELSEWHERE
 
 
 def ask_about_size(parent: QWidget | None, error: TooLargeError, then: Callable[[], None]) -> None:

@@ -439,7 +439,9 @@ def names_of(layer: Labels) -> dict[int, str]:
     features = layer.features
     if not {"index", "name"} <= set(features.columns):
         return {}
-    pairs = zip(features["index"], features["name"], strict=True)
+    # A table made by hand has rows of no object.
+    told = features.dropna(subset=["index"])
+    pairs = zip(told["index"], told["name"], strict=True)
     return {int(i): name for i, name in pairs if isinstance(name, str) and name}
 
 

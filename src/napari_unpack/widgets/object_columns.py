@@ -251,7 +251,7 @@ class Row:
             case Column.SIZE:
                 return 0.0 if self.edges is None else self.edges[0]
             case Column.DENSITY:
-                return self.density
+                return -np.inf if np.isnan(self.density) else self.density
             case Column.FLAG:
                 return FLAG_ORDER.index(self.flag)
             case Column.ORDER:

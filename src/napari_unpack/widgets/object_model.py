@@ -56,8 +56,9 @@ class ObjectModel(QAbstractTableModel):
     note : callable, optional
         Takes an object ID and the note that the user has typed.
     sizes : ObjectSizes, optional
-        Measures the objects as soon as a table shows their sizes; by default those are the edges
-        of upright boxes.
+        Measures the objects as soon as a table shows their sizes; by default those are unknown.
+    reasons : callable, optional
+        Takes an object ID and returns why its confidence is low, a sentence for the tooltip.
 
     Attributes
     ----------
@@ -92,7 +93,7 @@ class ObjectModel(QAbstractTableModel):
         before = {row.id: row for row in self._rows} if session is self._session else {}
         self._session = session
         self._rows = [] if session is None else _rows_of(session, before)
-        self._sizes = {} if session is None else self._known_sizes(session)
+        self._sizes = {} if session is None else self._known_sizes()
         self._row_of = {row.id: k for k, row in enumerate(self._rows)}
         self._unpackable = self._first = frozenset()
         self._rows = self._read()
@@ -145,11 +146,11 @@ class ObjectModel(QAbstractTableModel):
     def show_sizes(self) -> None:
         """Show the extents that were measured meanwhile."""
         if self._session is not None:
-            self._sizes = self._known_sizes(self._session)
+            self._sizes = self._known_sizes()
             self.refresh()
 
-    def _known_sizes(self, session: Session) -> Sizes:
-        return self._measures.known() if self._measures else upright_sizes(session)
+    def _known_sizes(self) -> Sizes:
+        return self._measures.known() if self._measures else {}
 
     def _read(self) -> list[Row]:
         session = self._session
@@ -361,13 +362,6 @@ def _alignment(column: Column) -> Qt.AlignmentFlag:
     numbers = (*range(Column.VOLUME, Column.FLAG), Column.ORDER)
     side = Qt.AlignmentFlag.AlignRight if column in numbers else Qt.AlignmentFlag.AlignLeft
     return side | Qt.AlignmentFlag.AlignVCenter
-
-
-def upright_sizes(session: Session) -> Sizes:
-    """Return by ID the edges of upright boxes, mm, the longest first."""
-    boxes = session.boxes
-    edges = -np.sort(-(boxes.upper - boxes.lower) * session.spacing, axis=1)
-    return {int(i): tuple(map(float, edge)) for i, edge in zip(boxes.ids, edges, strict=True)}
 
 
 def _rows_of(session: Session, before: Mapping[int, Row]) -> list[Row]:

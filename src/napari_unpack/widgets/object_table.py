@@ -24,6 +24,7 @@ from qtpy.QtGui import (
     QFont,
     QFontInfo,
     QFontMetrics,
+    QKeySequence,
     QPainter,
     QPainterPath,
     QPen,
@@ -206,7 +207,7 @@ class ObjectFilter(QSortFilterProxyModel):
         told = self._model.row_at(self._sorted.source_row(row))
         if self._states is not None and told.state not in self._states:
             return False
-        return self._text in told.searched or self._text == str(told.id)
+        return self._text in told.searched or self._text == str(told.label)
 
 
 class _ClickDelegate(QStyledItemDelegate):
@@ -624,12 +625,14 @@ class ObjectTable(QTableView):
         """Ignore letters: N, B, I, H and C are commands of the viewer."""
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Pass letters and Ctrl+Z on to the viewer; Space clicks an eye, a swatch or a flag."""
+        """Select all by Ctrl+A, click a drawn cell by Space; pass letters on to the viewer."""
         current = self.currentIndex()
         if event.key() == Qt.Key.Key_Space and current.column() in self._clicked:
             self._clicked[Column(current.column())].emit(int(current.data(ID)))
             return
-        if event.text().strip() and self.state() != QAbstractItemView.State.EditingState:
+        everything = event.matches(QKeySequence.StandardKey.SelectAll)
+        editing = self.state() == QAbstractItemView.State.EditingState
+        if event.text().strip() and not everything and not editing:
             # napari gets the event next, and its keymap has the commands.
             event.ignore()
             return

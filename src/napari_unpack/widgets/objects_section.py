@@ -59,7 +59,7 @@ class ObjectsSection(Section):
             "Remove the selected objects from the labels (Delete; Ctrl+Z undoes). "
             "Restore unpacked ones first.",
         )
-        self.table_button = TableButton(workspace.viewer, self.new_pane, self)
+        self.table_button = TableButton(workspace.viewer, self.new_pane)
         self.next_click = label("", "hint", wrap=True)
         self.next_click.hide()
 

@@ -141,8 +141,8 @@ class OpacityEditor(QWidget):
 
     edited = Signal(object)
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self) -> None:
+        super().__init__()
         self._points: list[Point] = [(0.0, 0.0), (1.0, 1.0)]
         self._domain = (0.0, 1.0)
         self._heights: NDArray[np.float64] = np.zeros(BINS)
@@ -289,6 +289,9 @@ class OpacityEditor(QWidget):
 
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
         """Add a point."""
+        if event.button() != Qt.MouseButton.LeftButton:
+            self.mousePressEvent(event)
+            return
         if self._nearest(event.position()) >= 0:
             return
         point = self._point_at(event.position())

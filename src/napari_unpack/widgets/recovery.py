@@ -67,7 +67,7 @@ class RecoveryKeeper(QObject):
         self._workspace.scheduler.throttle(self._keep, KEEP_MS, self._keep)
 
     def once_kept(self, then: Callable[[], None]) -> None:
-        """Call once the session shown is on disk."""
+        """Call once the session shown is on disk, or need not be."""
         self._then.append(then)
         self.follow()
 
@@ -95,6 +95,9 @@ class RecoveryKeeper(QObject):
             scheduler.submit(_task(self._copy.close), Worker.LONG, _nothing, slot=self._copy)
             self._copy, self._kept = UnsavedCopy(recovery_folder()), False
             self._session = ref(session)
+        if not self._unsaved.worth_keeping:
+            # Saved or given up: nothing of it has to be on the disk any more.
+            self._on_kept(None)
         if not preferences().keep_unsaved:
             # Nothing of the scan is to stay on the disk either.
             self._kept = False

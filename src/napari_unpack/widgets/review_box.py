@@ -101,8 +101,9 @@ class ReviewBox(Collapsible):
         said : {"same", "different", "nothing", "skip"}
         """
         doubt, session = self.doubt, self._workspace.session
-        # A key may come while the last answer is still being worked out.
-        if doubt is None or session is None or not self.answers[said].isEnabled():
+        # A key may come while the last answer is still being worked out, or nobody sees a question.
+        offered = self.answers[said].isEnabled() and self.sentence.isVisible()
+        if doubt is None or session is None or not offered:
             return
         self._repair.answer(doubt, said)
 

@@ -38,11 +38,10 @@ class Section(QWidget):
     ----------
     number, title : str
         In the badge, and beside it.
-    parent : QWidget, optional
     """
 
-    def __init__(self, number: str, title: str, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, number: str, title: str) -> None:
+        super().__init__()
         self._badge = label(number, "badge")
         self._badge.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self._status = Words()

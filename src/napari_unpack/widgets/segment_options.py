@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from qtpy.QtCore import Qt
+from qtpy.QtCore import QSignalBlocker, Qt
 
 from napari_unpack.geometry.length_unit import MM, LengthUnit
 from napari_unpack.widgets.narrow import Check, Choice, Field
@@ -76,8 +76,10 @@ class SegmentOptions(Collapsible):
         self.smallest = NumberBox()
         self.smallest.setStepType(NumberBox.StepType.AdaptiveDecimalStepType)
         self.smallest.setSpecialValueText("automatic")
+        self._smallest_mm3 = 0.0
         self._volumes = MM.volume_unit(0.0)
         self.show_unit(MM)
+        self.smallest.valueChanged.connect(self._keep_smallest)
         self.contents.addLayout(
             form(
                 Matter=self.foreground,
@@ -91,20 +93,21 @@ class SegmentOptions(Collapsible):
 
     def show_unit(self, unit: LengthUnit) -> None:
         """Tell the smallest volume in a unit of lengths; it stays as large as it was."""
-        smallest_mm3, volumes = self._smallest_mm3(), unit.volume_unit(0.0)
-        self._volumes = volumes
-        self.smallest.setDecimals(0 if volumes.name == "voxels" else 2)
-        self.smallest.setRange(0.0, LARGEST_MM3 * volumes.per_mm3)
-        self.smallest.setSuffix(f" {volumes.name}")
-        self.smallest.setValue(smallest_mm3 * volumes.per_mm3)
+        self._volumes = volumes = unit.volume_unit(0.0)
+        # What this unit has no digits for is not forgotten.
+        with QSignalBlocker(self.smallest):
+            self.smallest.setDecimals(0 if volumes.name == "voxels" else 2)
+            self.smallest.setRange(0.0, LARGEST_MM3 * volumes.per_mm3)
+            self.smallest.setSuffix(f" {volumes.name}")
+            self.smallest.setValue(self._smallest_mm3 * volumes.per_mm3)
         automatic = f"{AUTOMATIC * volumes.per_mm3:.6g} {volumes.name}"
         self.smallest.setToolTip(
             "Smaller objects are joined to a neighbour, or left out if they have none. "
             f"Automatic: {automatic}, or {AUTOMATIC} voxels in a small volume; 0 brings it back."
         )
 
-    def _smallest_mm3(self) -> float:
-        return float(self.smallest.value()) / self._volumes.per_mm3
+    def _keep_smallest(self, shown: float) -> None:
+        self._smallest_mm3 = shown / self._volumes.per_mm3
 
     def _explain(self, _text: str = "") -> None:
         method, help_text = FOREGROUND_METHODS[self.foreground.currentText()]
@@ -135,7 +138,7 @@ class SegmentOptions(Collapsible):
             "foreground": self._density() if method is None else method,
             "grainy": NOISE[self.noise.currentText()][0],
             # 0 is shown as "automatic".
-            "smallest": self._smallest_mm3() or None,
+            "smallest": self._smallest_mm3 if self.smallest.value() else None,
             "supports": self.supports.isChecked(),
             "shell": self.shell.isChecked(),
         }

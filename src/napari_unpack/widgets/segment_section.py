@@ -24,8 +24,9 @@ from napari_unpack.layers.placement import (
 from napari_unpack.session.errors import listed
 from napari_unpack.tasks import Progress, TaskResult
 from napari_unpack.widgets import notifications
-from napari_unpack.widgets.contributions import LayerData, packed_bag
+from napari_unpack.widgets.contributions import packed_bag
 from napari_unpack.widgets.index_chooser import IndexChooser
+from napari_unpack.widgets.large_files import LayerData
 from napari_unpack.widgets.layer_inputs import (
     LayerInput,
     Volume,

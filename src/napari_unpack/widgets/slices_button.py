@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from qtpy.QtCore import QObject, Qt
+from qtpy.QtCore import Qt
 
 from napari_unpack.layers.compat import native_window, unwrap
 from napari_unpack.widgets.dock_button import DockButton
@@ -21,13 +21,12 @@ NAME = "Slices"
 OPEN = "slices/open"
 
 
-class SlicesButton(QObject):
+class SlicesButton:
     """Opens three linked slices beside the 3D view; whether they are open is remembered.
 
     Parameters
     ----------
     workspace : Workspace
-    parent : QObject, optional
 
     Attributes
     ----------
@@ -36,8 +35,7 @@ class SlicesButton(QObject):
         None until it is opened for the first time.
     """
 
-    def __init__(self, workspace: Workspace, parent: QObject | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, workspace: Workspace) -> None:
         self._workspace = workspace
         self.button = button(
             NAME, "Open three slices that follow the mouse, and that the 3D view follows."

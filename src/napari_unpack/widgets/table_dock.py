@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from qtpy.QtCore import QObject, Qt
+from qtpy.QtCore import Qt
 from qtpy.QtWidgets import QDockWidget, QMainWindow, QWidget
 
 from napari_unpack.layers.compat import unwrap
@@ -62,7 +62,7 @@ class TableDock(DockContents):
         menu.popup(self.columns.mapToGlobal(self.columns.rect().bottomLeft()))
 
 
-class TableButton(QObject):
+class TableButton:
     """Opens the dock of the table and closes it.
 
     Parameters
@@ -70,7 +70,6 @@ class TableButton(QObject):
     viewer : napari.Viewer
     new_pane : callable
         Given the key of its columns, makes a table.
-    parent : QObject, optional
 
     Attributes
     ----------
@@ -79,13 +78,7 @@ class TableButton(QObject):
         None until it is opened for the first time.
     """
 
-    def __init__(
-        self,
-        viewer: napari.Viewer,
-        new_pane: Callable[[str], ObjectsPane],
-        parent: QObject | None = None,
-    ) -> None:
-        super().__init__(parent)
+    def __init__(self, viewer: napari.Viewer, new_pane: Callable[[str], ObjectsPane]) -> None:
         self._viewer, self._new_pane = viewer, new_pane
         self.button = button(
             "Table in a dock", "Show this table beside the 3D view, with room for more columns."

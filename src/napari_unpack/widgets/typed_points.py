@@ -9,18 +9,21 @@ from qtpy.QtCore import Signal
 from qtpy.QtWidgets import QLineEdit
 
 from napari_unpack.widgets.notifications import errors_shown
-
-Point = tuple[float, float]
+from napari_unpack.widgets.opacity_editor import Point
 
 
 class TypedPoints(QLineEdit):
-    """Density and opacity of each point; `edited` carries what was typed, once Enter is pressed."""
+    """Density and opacity of each point.
+
+    `edited` carries what was typed, once Enter is pressed or the keyboard is elsewhere.
+    """
 
     edited = Signal(object)
 
     def __init__(self) -> None:
         super().__init__()
         self._points: list[Point] = []
+        self._written: dict[Point, Point] = {}
         self.setAccessibleName("Points of the opacity curve")
         self.setToolTip(
             "Density and opacity of each point, as in 0 0, 500 0.2, 4000 0.6; press Enter."
@@ -34,7 +37,9 @@ class TypedPoints(QLineEdit):
             self._write()
 
     def _write(self) -> None:
-        self.setText(points_text(self._points))
+        text = points_text(self._points)
+        self._written = dict(zip(_numbers(text), self._points, strict=True))
+        self.setText(text)
         # Of more than there is room for, the first are seen.
         self.setCursorPosition(0)
 
@@ -44,8 +49,8 @@ class TypedPoints(QLineEdit):
         typed = self.text()
         self.setModified(False)
         with errors_shown():
-            points = points_of(typed)
-            self.edited.emit(points)
+            # What was left as it stood was rounded to be shown.
+            self.edited.emit([self._written.get(point, point) for point in points_of(typed)])
             return
         # What cannot be read is told, and the curve stays as it is.
         self._write()
@@ -68,12 +73,16 @@ def points_of(text: str) -> list[Point]:
         "points must be pairs of density and opacity with commas between them, densities "
         "ascending and opacities from 0 to 1, as in 0 0, 500 0.2"
     )
-    pairs = [part.split() for part in text.replace(";", ",").split(",") if part.strip()]
     try:
-        points = [(float(density), float(opacity)) for density, opacity in pairs]
+        points = _numbers(text)
     except ValueError as error:
         raise ValueError(f"{wanted}; got {text!r}") from error
     ascending = all(a[0] < b[0] for a, b in pairwise(points))
     if len(points) < 2 or not ascending or not all(0.0 <= a <= 1.0 for _, a in points):
         raise ValueError(f"{wanted}; got {text!r}")
     return points
+
+
+def _numbers(text: str) -> list[Point]:
+    pairs = [part.split() for part in text.replace(";", ",").split(",") if part.strip()]
+    return [(float(density), float(opacity)) for density, opacity in pairs]

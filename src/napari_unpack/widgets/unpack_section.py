@@ -332,13 +332,8 @@ class UnpackSection(Section):
         self.inspect.setEnabled(inspected or out > 0 or selected)
         hidden = states.count(ObjectState.HIDDEN)
         # What is inspected where it lies has not left.
-        lying = (
-            0
-            if session is None
-            else len(
-                session.queries.packed.intersection(objects_in(session, ObjectState.INSPECTED))
-            )
-        )
+        held: frozenset[int] = frozenset() if session is None else session.queries.packed
+        lying = len(held.intersection(objects_in(session, ObjectState.INSPECTED)))
         counts = f"{packed + lying} in, {out + flying + inspected - lying} out"
         self.set_status((counts + (f", {hidden} hidden" if hidden else "")) if states else "")
         # None is not empty: nothing is offered while it is not known.
@@ -349,8 +344,7 @@ class UnpackSection(Section):
             self.use_best.setText(f"Use that direction ({len(self._best.ids)} unpackable)")
         self.sentence.setText("")
         if session is not None:
-            told = self._sentence(session, packed, out, flying, inspected, lying)
-            self.sentence.setText(told)
+            self.sentence.setText(self._sentence(session, packed, out, flying, inspected, lying))
             self._show_direction(session)
         self.reveal_box.refresh(session)
 

@@ -113,7 +113,7 @@ class UnpackingWidget(QWidget):
         # Scores are no work of a person, but what is kept of the session is to have them.
         self.objects.confidence.scored.connect(self.keeper.follow)
         self.recovery = RecoveryBar(self.workspace, self.files.restore, self.keeper)
-        self.slices = SlicesButton(self.workspace, self)
+        self.slices = SlicesButton(self.workspace)
         self.clipping = ClippingBox(self.workspace)
         self.color.contents.addWidget(self.clipping)
         self.measure = MeasureBox(self.workspace)

@@ -108,6 +108,7 @@ class Workspace(QObject):
         seconds: float | None = None,
         backend: str | None = None,
         recolor_at_rest: bool = True,
+        outer: Sequence[_OuterBag] = (),
     ) -> None:
         """Show a session in the 3D view, in place of the one shown before.
 
@@ -125,24 +126,14 @@ class Workspace(QObject):
             What draws; by default what the session says.
         recolor_at_rest : bool
             Recolour whenever the camera comes to rest.
+        outer : sequence
+            The bags that it is in, one within another, the outermost first.
 
         Raises
         ------
         RuntimeError
             If this napari cannot show the plugin's layers.
         """
-        self._open(session, sources, (), camera, seconds, backend, recolor_at_rest)
-
-    def _open(
-        self,
-        session: Session,
-        sources: Sequence[Layer],
-        outer: Sequence[_OuterBag],
-        camera: Camera | None,
-        seconds: float | None,
-        backend: str | None,
-        recolor_at_rest: bool,
-    ) -> None:
         from napari_unpack.viewer.controller import SessionController
 
         # In which the camera looked so, until opening measures this one.
@@ -219,6 +210,7 @@ class Workspace(QObject):
         view = SavedView.of(self.viewer.scene.camera)
         # What the user chose for the bag holds for its contents.
         inner.tint_mode, inner.length_unit = session.tint_mode, session.length_unit
+        inner.decorations = session.decorations
         self._switch_to(
             inner, [*self._outer, _OuterBag(session, controller.sources, view, object_id)]
         )
@@ -238,14 +230,13 @@ class Workspace(QObject):
         before = self.controller
         if before is None:
             return
-        self._open(
+        self.open(
             session,
             before.sources if sources is None else sources,
-            outer,
-            None,
-            before.seconds,
-            before.backend,
-            before.recolor_at_rest,
+            seconds=before.seconds,
+            backend=before.backend,
+            recolor_at_rest=before.recolor_at_rest,
+            outer=outer,
         )
 
     def close(self) -> None:
