@@ -88,7 +88,7 @@ def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerDat
     if found.volume is not None:
         layers.append((found.volume, _attributes(found, name) | {"colormap": "gray"}, "image"))
     if found.labels is not None:
-        named = {"features": _features(names)} if names else {}
+        named = {"features": label_features(names)} if names else {}
         about = _label_attributes(found, name, bool(layers))
         layers.append((found.labels, about | named, "labels"))
     return layers
@@ -143,7 +143,7 @@ def _label_attributes(found: FileData, name: str, beside_image: bool) -> dict[st
     return _attributes(found, name)
 
 
-def _features(names: Mapping[int, str]) -> dict[str, list[Any]]:
+def label_features(names: Mapping[int, str]) -> dict[str, list[Any]]:
     """Return names as napari shows them when the mouse is on a label."""
     from napari_unpack.session.labels import one_line
 
