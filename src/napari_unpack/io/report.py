@@ -151,7 +151,7 @@ def _names_on(session: Session, measured: Measurement) -> str:
 
 
 def _rows(session: Session, progress: Progress, backend: str, planned: bool) -> Iterator[str]:
-    objects, volumes = session.objects, _volumes(session)
+    objects, volumes = said_of_objects(session), _volumes(session)
     # Steps up to now: those undone are still in the bag.
     steps = session.steps if planned else session.steps[: session.step]
     left = {i: k for k, group in enumerate(steps, 1) for i in group}
@@ -185,6 +185,11 @@ def _rows(session: Session, progress: Progress, backend: str, planned: bool) -> 
             + f"{escape(str(facts.get('note', '')))}</td>"
             + "</tr>"
         )
+
+
+def said_of_objects(session: Session) -> pd.DataFrame:
+    """Return the facts of a session's objects, with no flag and no note where nobody said one."""
+    return session.objects.fillna({"flag": "", "note": ""})
 
 
 def _volumes(session: Session) -> VolumeUnit:
@@ -263,15 +268,21 @@ def save_measurements_csv(session: Session, path: str | Path) -> Path:
     table = pd.DataFrame(rows, index=range(1, len(rows) + 1), columns=["kind", *told])
     target = Path(path)
     with written_atomically(target) as temporary:
-        _write_csv(table.map(_not_a_formula), temporary, "measurement")
+        _write_csv(table.map(_six_digits).map(_not_a_formula), temporary, "measurement")
     return target
 
 
 def _write_csv(table: pd.DataFrame, path: Path, index: str) -> None:
-    # Six digits are more than any measure has; one line end on every system, in texts too, since a
-    # lone carriage return is not quoted and ends the row for whoever reads it.
+    # One line end on every system, in texts too, since a lone carriage return is not quoted and
+    # ends the row for whoever reads it.
     table = table.map(lambda v: re.sub("\r\n?", "\n", v) if isinstance(v, str) else v)
-    table.to_csv(path, index_label=index, float_format="%.6g", lineterminator="\n")
+    # Whole numbers that stand beside missing ones are floats: all their digits, and no more.
+    table.to_csv(path, index_label=index, float_format="%.15g", lineterminator="\n")
+
+
+def _six_digits(value: Any) -> Any:
+    # More than any measure has; numbers of a person's own keep theirs.
+    return float(f"{value:.6g}") if isinstance(value, float | np.floating) else value
 
 
 def _not_a_formula(value: Any) -> Any:
@@ -284,12 +295,15 @@ def _suffix(unit: LengthUnit) -> str:
 
 
 def _in_unit(objects: pd.DataFrame, unit: LengthUnit) -> pd.DataFrame:
-    # As they have always been called.
-    if unit == MM:
-        return objects
-    powers = {"volume_mm3": 3, "z": 1, "y": 1, "x": 1, "isoperimetric_ratio": -1}
-    told = {name: objects[name] * unit.per_mm**n for name, n in powers.items() if name in objects}
+    lengths = {"volume_mm3": 3, "z": 1, "y": 1, "x": 1, "isoperimetric_ratio": -1}
+    powers = lengths | {"mean_density": 0, "confidence": 0}
+    told = {
+        name: (objects[name] * unit.per_mm**n).map(_six_digits)
+        for name, n in powers.items()
+        if name in objects
+    }
     table = objects.assign(**told)
+    # As they have always been called.
     if unit.name == "mm":
         return table
     suffix = _suffix(unit)
