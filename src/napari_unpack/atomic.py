@@ -38,17 +38,18 @@ def checked_target(path: str | Path, *suffixes: str) -> Path:
     Parameters
     ----------
     path : str or Path
-        Where it goes.
+        Where it goes; ``~`` is a person's own folder.
     *suffixes : str
-        What its name may end in, lower case.
+        What its name may end in, lower case; anything where none is given.
 
     Raises
     ------
     ValueError
         If its name ends in none of the suffixes, upper or lower case.
     """
-    target = Path(path)
-    if target.suffix.lower() not in suffixes:
+    # Not Path's own, which takes no name that begins so and is nobody's folder.
+    target = Path(os.path.expanduser(path))
+    if suffixes and target.suffix.lower() not in suffixes:
         raise ValueError(f"path must end in {' or '.join(suffixes)}, got {target.name!r}")
     return target
 

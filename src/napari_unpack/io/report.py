@@ -229,7 +229,7 @@ def save_objects_csv(objects: pd.DataFrame, path: str | Path, unit: LengthUnit =
         Of volumes, centres and ratios, such as `Session.length_unit`. Other units than mm stand
         in the names of these columns: z is then z_um or z_voxels.
     """
-    target = Path(path)
+    target = checked_target(path)
     objects = _in_unit(objects, unit).map(_not_a_formula)
     with written_atomically(target) as temporary:
         _write_csv(objects, temporary, "id")
@@ -266,7 +266,7 @@ def save_measurements_csv(session: Session, path: str | Path) -> Path:
     ends = [f"{axis}{k}_{suffix}" for k in (1, 2, 3) for axis in "zyx"]
     told = [f"length_{suffix}", f"second_length_{suffix}", "angle_degrees", "objects", *ends]
     table = pd.DataFrame(rows, index=range(1, len(rows) + 1), columns=["kind", *told])
-    target = Path(path)
+    target = checked_target(path)
     with written_atomically(target) as temporary:
         _write_csv(table.map(_six_digits).map(_not_a_formula), temporary, "measurement")
     return target
