@@ -157,7 +157,7 @@ def test_zarr_becomes_a_label_image_on_a_cluster(
     words = ["segment", tmp_path / "in.zarr", out, "--csv", tmp_path / "objects.csv"]
     told = CliRunner().invoke(app, [*map(str, words), "--scheduler", str(pair.file)])
     assert told.exit_code == 0, told.output
-    assert "note: in.zarr: it gives no voxel size: 1 mm was assumed" in told.output
+    assert "note: in.zarr: it gives no voxel size: 1 mm was assumed" in told.stderr
     labels, spacing = load_labels(out)
     assert spacing == MM
     assert np.array_equal(labels, nu.segment(small, MM).labels)

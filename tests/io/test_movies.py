@@ -392,7 +392,7 @@ def test_what_the_encoder_said_is_told_in_whole_words(
         with movie_writer(tmp_path / "film.mp4", (16, 24), 10) as write:
             write(np.zeros((16, 24, 3), np.uint8))
 
-    with pytest.raises(OSError, match="could not be written: …(unmistakable ){20,}in "):
+    with pytest.raises(OSError, match=r"could not be written: …(unmistakable ){20,}in "):
         film()
 
 

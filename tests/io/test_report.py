@@ -249,9 +249,7 @@ def test_a_persons_own_numbers_keep_their_digits(tmp_path: Path) -> None:
     own = {"case": [20240117.0, np.nan], "dose": [0.123456789, 1.0]}
     told = pd.DataFrame({**own, "volume_mm3": [1 / 3, 2e7 / 3]}, index=[1, 2])
     text = save_objects_csv(told, tmp_path / "objects.csv").read_text("utf-8")
-    assert text == (
-        "id,case,dose,volume_mm3\n1,20240117,0.123456789,0.333333\n2,,1,6666670\n"
-    )
+    assert text == ("id,case,dose,volume_mm3\n1,20240117,0.123456789,0.333333\n2,,1,6666670\n")
 
 
 def test_long_ids_are_sorted_by_all_their_digits() -> None:
