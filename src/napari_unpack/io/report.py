@@ -21,7 +21,7 @@ from napari_unpack.atomic import check_writable, checked_target, written_atomica
 from napari_unpack.geometry.length_unit import MICRO, MM, LengthUnit, VolumeUnit, density_text
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.io.headless import snapshot
-from napari_unpack.io.images import straight_bytes
+from napari_unpack.io.images import png_bytes, straight_bytes
 from napari_unpack.io.table_page import PageColumn, PageParts, number_cell, table_page
 from napari_unpack.rendering.compose import scene_image, sprite_image
 from napari_unpack.rendering.cpu import CANCELLING
@@ -210,9 +210,7 @@ def _image(session: Session, object_id: int, backend: str) -> str:
 
 
 def _data_uri(image: NDArray[Any] | Sequence[Any]) -> str:
-    import imageio.v3 as iio
-
-    encoded = iio.imwrite("<bytes>", straight_bytes(np.asarray(image)), extension=".png")
+    encoded = png_bytes(straight_bytes(np.asarray(image)))
     return f"data:image/png;base64,{base64.b64encode(encoded).decode('ascii')}"
 
 
