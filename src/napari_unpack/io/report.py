@@ -217,6 +217,8 @@ def _data_uri(image: NDArray[Any] | Sequence[Any]) -> str:
 def save_objects_csv(objects: pd.DataFrame, path: str | Path, unit: LengthUnit = MM) -> Path:
     """Write a table of objects, one row an object, the ID first.
 
+    Measures have six digits, other numbers all of theirs.
+
     Parameters
     ----------
     objects : DataFrame
