@@ -16,6 +16,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import psutil
+
 # Hidden, and of a name that no other program uses: what a killed process left can be found again.
 _PREFIX = ".unpack-"
 
@@ -38,17 +40,18 @@ def checked_target(path: str | Path, *suffixes: str) -> Path:
     Parameters
     ----------
     path : str or Path
-        Where it goes.
+        Where it goes; ``~`` is a person's own folder.
     *suffixes : str
-        What its name may end in, lower case.
+        What its name may end in, lower case; anything where none is given.
 
     Raises
     ------
     ValueError
         If its name ends in none of the suffixes, upper or lower case.
     """
-    target = Path(path)
-    if target.suffix.lower() not in suffixes:
+    # Not Path's own, which takes no name that begins so and is nobody's folder.
+    target = Path(os.path.expanduser(path))
+    if suffixes and target.suffix.lower() not in suffixes:
         raise ValueError(f"path must end in {' or '.join(suffixes)}, got {target.name!r}")
     return target
 
@@ -434,19 +437,6 @@ def _is_stale(entry: os.DirEntry[str]) -> bool:
     if len(parts) < 3 or not parts[1].isdigit():
         return False
     # A process number means something on its own machine alone.
-    if parts[0] == _machine() and not _is_alive(int(parts[1])):
+    if parts[0] == _machine() and not psutil.pid_exists(int(parts[1])):
         return True
     return time.time() - entry.stat(follow_symlinks=False).st_mtime > _STALE_SECONDS
-
-
-def _is_alive(process: int) -> bool:
-    if os.name == "nt":
-        # There a signal of 0 would end the process.
-        return True
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
-    return True

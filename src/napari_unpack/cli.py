@@ -5,10 +5,11 @@ from __future__ import annotations
 import functools
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from io import TextIOWrapper
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -35,6 +36,9 @@ from napari_unpack.cli_options import (
     requested_decorations,
     write_somewhere,
 )
+
+if TYPE_CHECKING:
+    from napari_unpack.io import Scan
 
 app = typer.Typer(
     name="napari-unpack",
@@ -113,6 +117,8 @@ def _simulate(
 
     # Before the long work: a wrong name is told at once.
     check_output(output, WRITABLE)
+    table = output.with_name(stem_of(output) + ".csv")
+    check_output(table, (".csv",))
     bag = simulate_bag(
         seed=seed, shape=shape, count=count, spacing=spacing, progress=Ticker(), fidelity=fidelity
     )
@@ -120,8 +126,7 @@ def _simulate(
     names = {int(i): str(name) for i, name in bag.objects["name"].items()}
     for path in save_scan(Scan(bag.volume, bag.spacing, bag.labels, "bag", names), output):
         typer.echo(f"wrote {path}")
-    table = save_objects_csv(bag.objects, output.with_name(stem_of(output) + ".csv"))
-    typer.echo(f"wrote {table}")
+    typer.echo(f"wrote {save_objects_csv(bag.objects, table)}")
 
 
 @_command()
@@ -181,6 +186,8 @@ def _segment(
 
         if at is not None:
             raise ValueError("--at is not for Zarr outputs: give the volume itself")
+        if source.is_file():
+            raise ValueError(f"a .zarr output needs a Zarr input, and {source} is none")
         objects = segment_zarr(
             source,
             output,
@@ -190,7 +197,7 @@ def _segment(
             workers,
             None if working is None else working * 10**6,
             Ticker(),
-            lambda s: typer.echo(s),
+            lambda sentence: typer.echo(sentence, err=True),
         )
         typer.echo(f"wrote {output}")
         if csv is not None:
@@ -212,6 +219,22 @@ def _segment(
     typer.echo(f"{len(found.objects)} objects")
 
 
+@dataclass(frozen=True)
+class _Volumes:
+    """Volumes of files, read one after another: there may be hundreds."""
+
+    paths: list[Path]
+    large: bool
+
+    def __len__(self) -> int:
+        return len(self.paths)
+
+    def __iter__(self) -> Iterator[Scan]:
+        from napari_unpack.io import load_volume
+
+        return (load_volume(path, large=self.large) for path in self.paths)
+
+
 @_command()
 def _train(
     output: Annotated[Path, typer.Argument(metavar="OUT", help="The oracle to write, .npz.")],
@@ -224,7 +247,6 @@ def _train(
 ) -> None:
     """Train the confidence of objects on labelled volumes."""
     from napari_unpack import train
-    from napari_unpack.io import load_volume
     from napari_unpack.segmentation.confidence.oracle import is_oracle
 
     check_output(output, (".npz",), *bags)
@@ -234,10 +256,7 @@ def _train(
     for path in bags:
         if not path.exists():
             raise FileNotFoundError(f"no such file or folder: {path}")
-    ticker = Ticker()
-    # One bag in memory at a time: a generator, as there may be hundreds.
-    scans = (load_volume(path, large=large) for path in bags)
-    oracle = train(scans, seed, lambda _, text: ticker(0.0, text))
+    oracle = train(_Volumes(bags, large), seed, Ticker())
 
     def save(path: Path) -> list[Path]:
         oracle.save(path)
@@ -295,7 +314,11 @@ def _order(
     gone = session.steps[: session.step]
     left = max(count - sum(map(len, gone)), 0)
     more = unpack_in_order(session, left or None) if left or not count else ()
+    shown = 0
     for step, ids in enumerate((*gone, *more), start=1):
+        if count and shown >= count:
+            break
+        shown += len(ids)
         for i in ids:
             facts = session.objects.loc[i]
             typer.echo(

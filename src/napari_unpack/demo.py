@@ -291,7 +291,7 @@ def open_panel(viewer: napari.Viewer, scan: Scan, progress: Progress) -> Unpacki
     viewer : napari.Viewer
         Gets the layers and the panel.
     scan : Scan
-        Volume, spacing and perhaps labels.
+        As from a file.
     progress : callable
         Takes (fraction, text).
 
@@ -307,10 +307,14 @@ def open_panel(viewer: napari.Viewer, scan: Scan, progress: Progress) -> Unpacki
     """
     from qtpy.QtWidgets import QApplication
 
+    from napari_unpack.io.napari_reader import label_features
+
     viewer.window.resize(*WINDOW)
-    placed = {"scale": scan.spacing, "units": ("mm",) * 3}
+    told = {"assumed": scan.assumed, "scanner_from_scan": scan.scanner_from_scan}
+    placed = {"scale": scan.spacing, "units": ("mm",) * 3, "metadata": told}
     if scan.labels is not None:
-        viewer.add_labels(scan.labels, name=f"{scan.name} labels", visible=False, **placed)
+        features, name = label_features(scan.names or {}), f"{scan.name} labels"
+        viewer.add_labels(scan.labels, name=name, features=features, visible=False, **placed)
     viewer.add_image(scan.volume, name=scan.name, colormap="gray", **placed)
     _, panel = viewer.window.add_plugin_dock_widget("napari-unpack", "Virtual Unpacking")
     # Chosen before the button is pressed: the newest Labels layer need not be this one.

@@ -48,10 +48,12 @@ def read_errors_told(file: Path, wanted: str = "a file of this format") -> Itera
     except ValueError as error:
         # Some quote what they found, which may be pages of bytes.
         sentence = " ".join(str(error).split())[:_LONGEST]
-        if file.name in sentence and sentence == str(error):
+        # The whole path: the name alone may be a word of any sentence.
+        named = str(file) in str(error)
+        if named and sentence == str(error):
             raise
         # A library's own sentence may not say which file it was given, and go on for lines.
-        raise ValueError(sentence if file.name in sentence else f"{file}: {sentence}") from error
+        raise ValueError(sentence if named else f"{file}: {sentence}") from error
     except OSError as error:
         if error.strerror is None:
             raise _damaged(file, wanted, error) from error
@@ -71,12 +73,13 @@ def _damaged(file: Path, wanted: str, error: Exception) -> ValueError:
 
 @contextmanager
 def _silent() -> Iterator[None]:
+    # One that another reader has silenced is that reader's to restore.
     loggers = [logging.getLogger(name) for name in _LOGS]
-    before = [logger.level for logger in loggers]
-    for logger in loggers:
+    before = {logger: logger.level for logger in loggers if logger.level <= logging.CRITICAL}
+    for logger in before:
         logger.setLevel(logging.CRITICAL + 1)
     try:
         yield
     finally:
-        for logger, level in zip(loggers, before, strict=True):
+        for logger, level in before.items():
             logger.setLevel(level)

@@ -256,6 +256,17 @@ def test_workers_fit_cores_scans_and_memory(bags: Path) -> None:
     assert cluster.workers_that_fit(scans, 16, 10**6) == 4
 
 
+def test_what_a_call_is_given_counts(bags: Path, client: Any, tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match="give settings or pictures, not both"):
+        nu.batch(bags / "a.npz", tmp_path / "out", client, settings=Settings(), **QUICK)
+    setting = "NAPARI_UNPACK_THREADS"
+    try:
+        nu.batch(bags / "a.npz", tmp_path / "out", client, threads=3, **QUICK)
+        assert set(client.run(os.getenv, setting).values()) == {"3"}
+    finally:
+        client.run(lambda: os.environ.pop(setting, None))
+
+
 def test_two_rows_of_one_volume_are_both_kept_when_done_anew(
     bags: Path, client: Any, tmp_path: Path
 ) -> None:

@@ -157,16 +157,20 @@ def test_zarr_becomes_a_label_image_on_a_cluster(
     words = ["segment", tmp_path / "in.zarr", out, "--csv", tmp_path / "objects.csv"]
     told = CliRunner().invoke(app, [*map(str, words), "--scheduler", str(pair.file)])
     assert told.exit_code == 0, told.output
-    assert "note: in.zarr: it gives no voxel size: 1 mm was assumed" in told.output
+    assert "note: in.zarr: it gives no voxel size: 1 mm was assumed" in told.stderr
     labels, spacing = load_labels(out)
     assert spacing == MM
     assert np.array_equal(labels, nu.segment(small, MM).labels)
     (tmp_path / "notes").mkdir()
     (tmp_path / "notes" / "mine.txt").write_text("mine")
     (tmp_path / "notes").rename(tmp_path / "notes.zarr")
-    again = CliRunner().invoke(app, ["segment", str(out), str(tmp_path / "notes.zarr")])
-    assert again.exit_code == 1
-    assert "holds something else" in again.output
+    # What a person has put among older labels is no less theirs.
+    (out / "mine.txt").write_text("mine")
+    for there in (tmp_path / "notes.zarr", out):
+        again = CliRunner().invoke(app, ["segment", str(tmp_path / "in.zarr"), str(there)])
+        assert again.exit_code == 1
+        assert "holds something else" in again.output
+        assert (there / "mine.txt").read_text() == "mine"
 
 
 def test_how_finely_objects_are_looked_for_is_told_in_millions_of_voxels(

@@ -99,25 +99,26 @@ def test_a_table_gives_volume_labels_spacing_and_name(tmp_path: Path, suffix: st
         {
             "volume": ["a.npz", "b.npz", "b.npz"],
             "labels": ["mine.npz", None, "mine.npz"],
-            "spacing": ["2 1 0.5", None, "3"],
+            "spacing": ["2 1 0.5", None, "3 3"],
             "name": ["first", np.nan, np.nan],
         }
     )
     table = tmp_path / f"list{suffix}"
     rows.to_csv(table, index=False) if suffix == ".csv" else rows.to_parquet(table)
     if suffix == ".csv":
-        # One number is no size of three sides.
+        # Two numbers are no size of three sides.
         with pytest.raises(ValueError, match=r"row 3 of .*list.csv must give the voxel size"):
             find_inputs([table])
-    rows["spacing"] = ["2 1 0.5", None, "[3, 3, 3]"]
-    rows.to_csv(table, index=False) if suffix == ".csv" else rows.to_parquet(table)
-    first, second, third = find_inputs([table])
+    for same in ("[3, 3, 3]", "3"):
+        rows["spacing"] = ["2 1 0.5", None, same]
+        rows.to_csv(table, index=False) if suffix == ".csv" else rows.to_parquet(table)
+        first, second, third = find_inputs([table])
+        assert (first.spacing, second.spacing, third.spacing) == ((2, 1, 0.5), None, (3, 3, 3))
     assert (first.name, first.volume, first.labels) == (
         "first",
         tmp_path / "a.npz",
         tmp_path / "mine.npz",
     )
-    assert (first.spacing, second.spacing, third.spacing) == ((2, 1, 0.5), None, (3, 3, 3))
     assert (second.labels, second.name != third.name) == (None, True)
 
 

@@ -1,6 +1,8 @@
 """What is damaged is opened or refused in one sentence; `make fuzz` tries as long as it is let."""
 
+import logging
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from random import Random
@@ -73,6 +75,45 @@ def test_any_error_of_a_reader_names_the_file(error: Exception) -> None:
         raise MemoryError
     with pytest.raises(Cancelled), read_errors_told(Path("bag.tif")):
         raise Cancelled
+
+
+def test_a_file_is_named_by_its_path_whatever_words_the_reason_has() -> None:
+    with (
+        pytest.raises(ValueError, match=r"^there/data: the number of data is odd$"),
+        read_errors_told(Path("there/data")),
+    ):
+        raise ValueError("the number of data is odd")
+
+
+@pytest.mark.parametrize(
+    ("told", "damaged"),
+    [(rb"0.5\0.75", rb"0.5\0?75"), (b"1.2.840.10008.1.2.1\0", b"1.2.840.10008.1.2.9\0")],
+)
+def test_of_a_series_the_damaged_slice_is_named(
+    tmp_path: Path, told: bytes, damaged: bytes
+) -> None:
+    pytest.importorskip("pydicom")
+    from test_dicom import write_series
+
+    write_series(tmp_path / "scan")
+    file = tmp_path / "scan" / "b"
+    whole = file.read_bytes()
+    assert whole.count(told) == 1
+    file.write_bytes(whole.replace(told, damaged))
+    with pytest.raises(ValueError, match=f"^{re.escape(str(file))}"):
+        load_volume(tmp_path / "scan")
+
+
+def test_readers_at_once_leave_the_logs_of_libraries_as_they_were() -> None:
+    log = logging.getLogger("pydicom")
+    before = log.level
+    first, second = read_errors_told(Path("a")), read_errors_told(Path("b"))
+    first.__enter__()
+    second.__enter__()
+    assert not log.isEnabledFor(logging.CRITICAL)
+    first.__exit__(None, None, None)
+    second.__exit__(None, None, None)
+    assert log.level == before
 
 
 SUFFIXES = (".npz", ".npy", ".nii", ".nii.gz", ".mha", ".mhd", ".nrrd", ".nhdr", ".tif", ".dcm", "")

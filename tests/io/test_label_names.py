@@ -79,6 +79,8 @@ def segmentation(path: Path) -> Path:
         ("bag.label", SNAP),
         ("snap.txt", SNAP),
         ("bag.csv", TABLE),
+        ("excel.csv", TABLE.replace(",", ";")),
+        ("odd.csv", TABLE + "²,Two,1,2,3,255\n"),
     ],
 )
 def test_text_files_name_and_colour_labels(tmp_path: Path, name: str, text: str) -> None:

@@ -363,18 +363,37 @@ def test_a_gif_keeps_colours_and_what_stands_still(tmp_path: Path) -> None:
     still[8:40, 8:60] = (200, 120, 40)
     still[20:50, 50:90, 2] = np.linspace(40, 250, 40).astype(np.uint8)
     written = []
-    with movie_writer(tmp_path / "film.gif", (64, 96), 10) as write:
+    # A name that ffmpeg would take for those of numbered pictures.
+    path = tmp_path / "100%done.gif"
+    with movie_writer(path, (64, 96), 10) as write:
         for k in range(12):
             frame = still.copy()
             frame[52:60, 6 * k : 6 * k + 8] = rng.integers(60, 255, 3)
             write(frame)
             written.append(frame)
-    read = iio.imread(tmp_path / "film.gif", index=None)[..., :3].astype(int)
+    read = iio.imread(path, index=None)[..., :3].astype(int)
     assert read.shape == (12, 64, 96, 3)
     assert np.abs(read - np.stack(written)).max() <= 8
     assert (read[:, :50] == read[0, :50]).all(), "nothing flickers where nothing moves"
-    assert (tmp_path / "film.gif").stat().st_size < 12 * 1500
-    assert [p.name for p in tmp_path.iterdir()] == ["film.gif"]
+    assert path.stat().st_size < 12 * 1500
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_the_encoder_said_is_told_in_whole_words(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    encoder = tmp_path / "ffmpeg"
+    said = "unmistakable " * 40
+    encoder.write_text(f"#!/bin/sh\ncat > /dev/null\necho {said} >&2\nexit 1\n")
+    encoder.chmod(0o755)
+    monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(encoder))
+
+    def film() -> None:
+        with movie_writer(tmp_path / "film.mp4", (16, 24), 10) as write:
+            write(np.zeros((16, 24, 3), np.uint8))
+
+    with pytest.raises(OSError, match=r"could not be written: …(unmistakable ){20,}in "):
+        film()
 
 
 def test_a_gif_of_many_frames_a_second_has_none_that_browsers_show_for_too_long(

@@ -14,7 +14,7 @@ import pytest
 
 import napari_unpack as nu
 from napari_unpack.geometry.length_unit import MICRO, LengthUnit
-from napari_unpack.io import save_measurements_csv, save_objects_page
+from napari_unpack.io import save_interactive_page, save_measurements_csv, save_objects_page
 from napari_unpack.io.report import save_objects_csv
 from napari_unpack.io.table_page import number_cell
 from napari_unpack.session.measurements import SurfacePoint
@@ -232,6 +232,24 @@ def test_densities_of_a_scan_scaled_to_one_are_told_with_two_digits(tmp_path: Pa
     cells = Cells()
     cells.feed(path.read_text("utf-8"))
     assert [row[7] for row in cells.rows] == ["Mean density", "0.51", "0.031"]
+
+
+def test_what_a_table_does_not_say_is_empty_on_both_pages(tmp_path: Path) -> None:
+    labels = np.zeros((12, 12, 24), np.uint16)
+    labels[2:10, 2:10, 2:10], labels[2:10, 2:10, 14:22] = 1, 2
+    given = pd.DataFrame({"note": ["hello", np.nan], "flag": [None, "odd"]}, index=[1, 2])
+    session = nu.Session(np.where(labels > 0, 1500, 0).astype(np.uint16), labels, (1, 1, 1), given)
+    for save in (save_objects_page, save_interactive_page):
+        cells = Cells()
+        cells.feed(save(session, tmp_path / "bag.html", backend="cpu").read_text("utf-8"))
+        assert [row[-2:] for row in cells.rows] == [["Flag", "Note"], ["", "hello"], ["odd", ""]]
+
+
+def test_a_persons_own_numbers_keep_their_digits(tmp_path: Path) -> None:
+    own = {"case": [20240117.0, np.nan], "dose": [0.123456789, 1.0]}
+    told = pd.DataFrame({**own, "volume_mm3": [1 / 3, 2e7 / 3]}, index=[1, 2])
+    text = save_objects_csv(told, tmp_path / "objects.csv").read_text("utf-8")
+    assert text == ("id,case,dose,volume_mm3\n1,20240117,0.123456789,0.333333\n2,,1,6666670\n")
 
 
 def test_long_ids_are_sorted_by_all_their_digits() -> None:

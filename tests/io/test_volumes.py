@@ -417,6 +417,10 @@ def test_the_voxel_size_of_tiff_tags_is_taken_where_it_was_measured(tmp_path: Pa
     tifffile.imwrite(path, VOLUME, imagej=True, metadata=notes, resolution=(1 / 750, 1 / 500))
     assert load_volume(path).spacing == pytest.approx(SPACING)
     assert load_volume(path).assumed == ()
+    # Of a stack that was turned over.
+    notes |= {"spacing": -2500}
+    tifffile.imwrite(path, VOLUME, imagej=True, metadata=notes, resolution=(1 / 750, 1 / 500))
+    assert load_volume(path).spacing == pytest.approx(SPACING)
     tifffile.imwrite(
         path, VOLUME, resolution=(72, 72), resolutionunit="INCH", photometric="minisblack"
     )
@@ -535,6 +539,7 @@ def test_labels_must_be_whole_numbers_and_fit(tmp_path: Path) -> None:
     np.save(tmp_path / "l.npy", LABELS.astype(np.int16) - 1)
     with pytest.raises(ValueError, match="negative"):
         load_labels(tmp_path / "l.npy")
+    assert scan(None).with_labels(LABELS.astype(np.float32)).labels.dtype.kind == "i"
     with pytest.raises(ValueError, match="volume's shape"):
         scan(None).with_labels(LABELS[1:])
 

@@ -11,6 +11,9 @@ import pytest
 
 from napari_unpack.atomic import written_atomically
 from napari_unpack.io import save_objects_csv, save_png
+from napari_unpack.io.movies import checked_movie_path
+from napari_unpack.io.surfaces import checked_surfaces_path
+from napari_unpack.segmentation.confidence.oracle import Oracle, default_oracle
 
 
 def test_the_table_of_objects_has_the_id_first(tmp_path: Path) -> None:
@@ -28,6 +31,25 @@ def test_a_name_is_no_formula_in_a_spreadsheet(tmp_path: Path) -> None:
         rows = list(csv.reader(file))[1:]
     assert [row[1] for row in rows] == ["'=1+1", "'@now", "'-2", "'+3", "a=b", "soap"]
     assert {row[2] for row in rows} == {"-1.5"}, "numbers stay numbers"
+
+
+def test_the_folder_of_a_person_may_be_called_by_its_sign(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("HOME", "USERPROFILE"):
+        monkeypatch.setenv(name, str(tmp_path))
+    objects = pd.DataFrame({"name": ["soap"]}, index=[1])
+    assert save_objects_csv(objects, "~/a.csv") == tmp_path / "a.csv"
+    assert save_png(np.zeros((2, 3, 3), np.uint8), "~/a.png") == tmp_path / "a.png"
+    assert checked_movie_path("~/a.mp4", (16, 24)) == tmp_path / "a.mp4"
+    assert checked_surfaces_path("~/a.stl") == tmp_path / "a.stl"
+    oracle = default_oracle()
+    oracle.save("~/a.npz")
+    np.testing.assert_array_equal(Oracle.load("~/a.npz").logistic, oracle.logistic)
+    assert {p.name for p in tmp_path.iterdir()} == {"a.csv", "a.png", "a.npz"}
+    # Of nobody's folder: a name as any other.
+    monkeypatch.chdir(tmp_path)
+    assert save_objects_csv(objects, "~draft.csv").exists()
 
 
 def test_a_png_holds_straight_colours(tmp_path: Path) -> None:

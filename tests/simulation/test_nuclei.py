@@ -1,5 +1,7 @@
 """Simulated nuclei: whole, touching, seen as light, and the same for one seed."""
 
+from typing import Any
+
 import cc3d
 import numpy as np
 import pytest
@@ -52,3 +54,15 @@ def test_one_seed_is_one_embryo_and_another_another() -> None:
 def test_a_volume_without_room_is_refused() -> None:
     with pytest.raises(ValueError, match="holds no nucleus"):
         simulate_nuclei(shape=(4, 4, 4))
+
+
+@pytest.mark.parametrize("count", [-3, 0, 2**16])
+def test_a_number_of_nuclei_that_cannot_be_is_refused(count: int) -> None:
+    with pytest.raises(ValueError, match=f"count must be from 1 to 65535, got {count}"):
+        simulate_nuclei(shape=(24, 48, 48), count=count)
+
+
+@pytest.mark.parametrize("spacing", [(np.nan, 1, 1), (0, 1, 1), 1.0])
+def test_a_spacing_that_is_none_is_refused(spacing: Any) -> None:
+    with pytest.raises(ValueError, match="spacing must be three positive numbers"):
+        simulate_nuclei(shape=(24, 48, 48), count=1, spacing=spacing)

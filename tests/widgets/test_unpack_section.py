@@ -10,13 +10,14 @@ from qtpy.QtCore import QPoint, Qt
 from qtpy.QtTest import QTest
 
 from mouse import drag, move
-from napari_unpack.demo import await_unpackable
+from napari_unpack.demo import await_unpackable, open_panel
 from napari_unpack.geometry.view import Camera
+from napari_unpack.io import Scan
 from napari_unpack.layers import compat
 from napari_unpack.widgets.directions import words_of
 from napari_unpack.widgets.object_columns import Column
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
-from opened_panel import controller_with, press, rest, states
+from opened_panel import controller_with, pile_of_balls, press, rest, states
 
 Viewers = Callable[..., Any]
 
@@ -118,6 +119,16 @@ def test_the_demos_picture_of_the_window_waits_until_nothing_is_looked_for(
     await_unpackable(panel)
     assert panel.unpack.reveal.text() == "Reveal…"
     assert " unpackable." in panel.unpack.sentence.text()
+
+
+def test_the_demo_keeps_what_a_file_says_of_its_scan(viewer: Any) -> None:
+    volume, labels = pile_of_balls()
+    place = np.array([[0, 0, 1.0, 5], [0, 1, 0, 6], [-1, 0, 0, 7], [0, 0, 0, 1]])
+    scan = Scan(volume, (2.0, 1.0, 1.0), labels, "bag", {2: "Shoe"}, ("no unit",), place)
+    session = open_panel(viewer, scan, lambda _, text: None).workspace.session
+    assert session.objects["name"].tolist()[:3] == ["Object 1", "Shoe", "Object 3"]
+    assert session.assumed == ("no unit",)
+    np.testing.assert_array_equal(session.scanner_from_scan, place)
 
 
 def test_where_nobody_is_free_the_setting_decides(

@@ -215,9 +215,11 @@ def _spacing(value: Any, where: str) -> Spacing | None:
     if isinstance(value, str):
         value = [part for part in re.split(r"[\s,;x()\[\]]+", value) if part]
     elif isinstance(value, int | float):
-        value = [value] * 3
+        value = [value]
     try:
-        return checked_spacing([float(v) for v in value], where)
+        sides = [float(v) for v in value]
+        # One number is that of all three.
+        return checked_spacing(sides * 3 if len(sides) == 1 else sides, where)
     except (TypeError, ValueError) as error:
         raise ValueError(
             f"{where} must give the voxel size as 'z y x' in mm, got {value!r}"

@@ -15,7 +15,7 @@ from napari_unpack.batches.cluster import (
     cluster_client,
     losses_told,
 )
-from napari_unpack.io.ome_zarr import is_label_image, labels_zarr, stored_volume
+from napari_unpack.io.ome_zarr import is_label_image_alone, labels_zarr, stored_volume
 from napari_unpack.memory import free_memory
 from napari_unpack.read_errors import read_errors_told
 from napari_unpack.tasks import Progress
@@ -73,8 +73,8 @@ def segment_zarr(
     ImportError
         If dask.distributed is missing, where a cluster is asked for.
     ValueError
-        If the source is no such image, the output is there and holds no labels, or nothing is
-        found.
+        If the source is no such image, the output is there and holds anything but labels, or
+        nothing is found.
     OSError
         If no scheduler answers, the cluster is lost, or the disk has too little space.
     MemoryError
@@ -97,7 +97,7 @@ def segment_zarr(
             client = stack.enter_context(cluster_client([], None, scheduler, count))
             stack.enter_context(losses_told())
             check_versions(client)
-        place = stack.enter_context(folder_written_atomically(output, is_label_image))
+        place = stack.enter_context(folder_written_atomically(output, is_label_image_alone))
         labels = stack.enter_context(
             labels_zarr(place, array.shape, "int32", stored.spacing, stored.scanner_from_scan)
         )

@@ -110,7 +110,7 @@ def batch(
         How many processes on this machine, and how many threads each scan takes; by default
         the cores are divided among the workers.
     settings : Settings, optional
-        What is done to each scan; else made of `options`.
+        What is done to each scan; without them they are made of `options`.
     large : bool
         Try scans too that ask for more memory than a worker has.
     force : bool
@@ -127,6 +127,8 @@ def batch(
     ------
     ImportError
         If dask.distributed or pyarrow is missing.
+    TypeError
+        If `settings` and `options` are given.
     ValueError
         If there is nothing to do, the folder holds another run, or a worker has another version.
     OSError
@@ -134,6 +136,8 @@ def batch(
     """
     for module in ("distributed", "pyarrow"):
         needed(module, module, "work on many scans", "batch")
+    if settings is not None and options:
+        raise TypeError(f"give settings or {', '.join(options)}, not both")
     given = [inputs] if isinstance(inputs, str | Path) else inputs
     scans, settings = find_inputs(given), settings or Settings(**options)
     folder = Path(output).expanduser().absolute()
@@ -151,7 +155,7 @@ def batch(
         check_workers(cluster, folder)
         speak(_described(cluster))
         place = (folder, settings, large)
-        for result in _results(cluster, scans, place, known, threads if scheduler else None):
+        for result in _results(cluster, scans, place, known, threads):
             done[result.scan] = result
             if told is not None:
                 told(result, len(done), len(scans))

@@ -134,7 +134,7 @@ def check_folder(output: Path, settings: Settings) -> None:
         if output.exists() and any(output.iterdir()):
             raise ValueError(f"{output} holds something else: {remedy}")
         return
-    before, told = settings_of(output), settings.record()
+    before, told = _settings_of(output), settings.record()
     other = sorted(k for k in before | told if before.get(k) != told.get(k))
     if other:
         changes = ", ".join(
@@ -163,7 +163,7 @@ def is_run(folder: Path) -> bool:
     return (folder / RUN).is_file()
 
 
-def settings_of(output: Path) -> dict[str, Any]:
+def _settings_of(output: Path) -> dict[str, Any]:
     """Return the settings of the run that a folder holds.
 
     Raises

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from napari_unpack.io.file_data import NO_VOXEL_SIZE, SPACE, FileData
 from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import Spacing, checked_spacing
 from napari_unpack.io.slice_stack import SliceStack
+from napari_unpack.read_errors import read_errors_told
 
 HIGHEST = 32000
 """CT density is clipped to [0, 32000]; see CONVENTIONS.md."""
@@ -54,6 +56,10 @@ _SAME_PLACE = 0.01
 _CROOKED = 0.02
 
 
+# Of many slices the damaged one is named: a header is taken apart only when it is asked.
+_named = partial(read_errors_told, wanted="a readable DICOM file")
+
+
 @dataclass(frozen=True, eq=False)
 class _Slice:
     """One image of a file."""
@@ -76,9 +82,10 @@ class _Slice:
 
     def numbers(self, keyword: str, count: int) -> tuple[float, ...] | None:
         """Return a value of so many numbers, or None where the file does not give it."""
-        found = self.value(keyword)
-        values = () if found is None else np.atleast_1d(found)
-        numbers = tuple(float(v) for v in values)
+        with _named(self.path):
+            found = self.value(keyword)
+            values = () if found is None else np.atleast_1d(found)
+            numbers = tuple(float(v) for v in values)
         if numbers and (len(numbers) != count or not np.isfinite(numbers).all()):
             wanted = "a number" if count == 1 else f"{count} numbers"
             given = ", ".join(f"{number:g}" for number in numbers)
@@ -103,9 +110,11 @@ class _Slice:
     def form(self) -> tuple[Any, ...]:
         """What all slices of a volume have in common: size, directions, pixels."""
         turned = self.numbers("ImageOrientationPatient", 6) or ()
+        with _named(self.path):
+            shape = int(self.header.Rows), int(self.header.Columns)
         # Hundredths: directions are rounded, and a scout differs by a right angle.
         return (
-            (int(self.header.Rows), int(self.header.Columns)),
+            shape,
             tuple(np.round(turned, 2).tolist()),
             tuple(np.round(self.numbers("PixelSpacing", 2) or (), 3).tolist()),
         )
@@ -265,11 +274,12 @@ def _sizes(headers: list[tuple[Path, Any]]) -> tuple[int, int, bool]:
     """Return the bytes of all pixels and of all files, and whether any are compressed."""
     needed, stored, packed = 0, 0, False
     for file, header in headers:
-        pixels = int(header.Rows) * int(header.Columns) * int(header.get("NumberOfFrames") or 1)
-        bits = int(header.get("BitsAllocated") or 16) * int(header.get("SamplesPerPixel") or 1)
-        needed, stored = needed + pixels * bits // 8, stored + file.stat().st_size
-        syntax = header.file_meta.get("TransferSyntaxUID")
-        packed = packed or (syntax is not None and (syntax.is_compressed or syntax.is_deflated))
+        with _named(file):
+            pixels = int(header.Rows) * int(header.Columns) * int(header.get("NumberOfFrames") or 1)
+            bits = int(header.get("BitsAllocated") or 16) * int(header.get("SamplesPerPixel") or 1)
+            needed, stored = needed + pixels * bits // 8, stored + file.stat().st_size
+            syntax = header.file_meta.get("TransferSyntaxUID")
+            packed = packed or (syntax is not None and (syntax.is_compressed or syntax.is_deflated))
     return needed, stored, packed
 
 
@@ -458,8 +468,9 @@ class _Pixels:
         )
 
     def _read(self, path: Path) -> NDArray[Any]:
-        data = self._pydicom.dcmread(path, force=True)
-        _check_codec(self._pydicom, data.file_meta.get("TransferSyntaxUID"), path)
+        with _named(path):
+            data = self._pydicom.dcmread(path, force=True)
+            _check_codec(self._pydicom, data.file_meta.get("TransferSyntaxUID"), path)
         try:
             raw: NDArray[Any] = data.pixel_array
         except (AttributeError, ValueError, NotImplementedError, RuntimeError) as error:

@@ -36,6 +36,13 @@ def straight_bytes(image: NDArray[Any]) -> NDArray[np.uint8]:
     return np.rint(np.clip(picture, 0.0, 1.0) * 255).astype(np.uint8)
 
 
+def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
+    """Return an image as the bytes of a PNG file."""
+    import imageio.v3 as iio
+
+    return bytes(iio.imwrite("<bytes>", pixels, extension=".png"))
+
+
 def save_png(image: NDArray[Any], path: str | Path) -> Path:
     """Write an image as PNG.
 
@@ -51,10 +58,8 @@ def save_png(image: NDArray[Any], path: str | Path) -> Path:
     ValueError
         If it is not a colour image, or the path does not end in .png.
     """
-    import imageio.v3 as iio
-
     target = checked_target(path, ".png")
     pixels = image if image.dtype == np.uint8 else straight_bytes(image)
     with written_atomically(target) as temporary:
-        iio.imwrite(temporary, pixels, extension=".png")
+        temporary.write_bytes(png_bytes(pixels))
     return target

@@ -26,6 +26,7 @@ from napari_unpack.geometry.easing import ease
 from napari_unpack.geometry.view import Camera
 from napari_unpack.io.headless import packed_copy, packed_count
 from napari_unpack.io.images import straight_bytes
+from napari_unpack.io.report import said_of_objects
 from napari_unpack.io.simplified_surfaces import simplified
 from napari_unpack.io.surfaces import object_surface
 from napari_unpack.io.table_page import SCRIPT, PageColumn, PageParts, number_cell, table_page
@@ -49,8 +50,9 @@ GEOMETRY_BYTES = 12_000_000
 # Of a path. Between two the page goes straight: no object is more than a pixel off its way.
 SAMPLES = 41
 
-# Indices of points and coordinates take two bytes each.
-MOST_POINTS = 2**16
+# Indices of points and coordinates take two bytes each. Of indices the last is WebGL 2's sign for
+# the end of a strip, which is no point.
+MOST_POINTS = 2**16 - 1
 GRID = 2**16 - 1
 
 # Base64 writes three bytes as four letters.
@@ -338,7 +340,8 @@ def _page(
     )
     volume = session.length_unit.volume_unit(float(shown.objects["volume_mm3"].max())).name
     columns = [replace(one, title=one.title.format(volume=volume)) for one in COLUMNS]
-    said = [key for key in SAID if key in shown.objects and any(shown.objects[key].fillna(""))]
+    objects = said_of_objects(shown)
+    said = [key for key in SAID if key in objects and any(objects[key])]
     columns += [SAID[key] for key in said]
     return table_page(parts, columns, _rows(session, shown, said))
 
@@ -372,7 +375,7 @@ come near and draw back, N unpacks the next, B puts the last back, 0 shows all."
 
 
 def _rows(session: Session, shown: Session, said: list[str]) -> Iterator[str]:
-    objects, unit = session.objects, session.length_unit
+    objects, unit = said_of_objects(session), session.length_unit
     volumes = unit.volume_unit(float(objects["volume_mm3"].max()))
     for k, group in enumerate(shown.steps, 1):
         for i in group:

@@ -115,11 +115,15 @@ def _lines(text: str) -> Iterator[tuple[int, NamedLabel]]:
 
 
 def _table(text: str) -> Iterator[tuple[int, NamedLabel]]:
-    for line in csv.DictReader(io.StringIO(text, newline="")):
+    # Spreadsheets write semicolons where numbers have a comma for a point.
+    head = text.partition("\n")[0]
+    between = ";" if head.count(";") > head.count(",") else ","
+    for line in csv.DictReader(io.StringIO(text, newline=""), delimiter=between):
         row = {str(key).strip().lower(): str(value or "").strip() for key, value in line.items()}
-        if row.get("labelvalue", "").isdigit():
+        # Not isdigit, which takes ² as well.
+        if row.get("labelvalue", "").isdecimal():
             rgb = [row.get(f"color_{channel}", "") for channel in "rgb"]
-            color = _bytes(rgb) if all(value.isdigit() for value in rgb) else None
+            color = _bytes(rgb) if all(value.isdecimal() for value in rgb) else None
             yield int(row["labelvalue"]), NamedLabel(row.get("name", ""), color)
 
 

@@ -19,7 +19,7 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.atomic import drafted, folder_written_atomically, holds_only
+from napari_unpack.atomic import checked_target, drafted, folder_written_atomically, holds_only
 from napari_unpack.geometry.axes import unit
 from napari_unpack.geometry.camera_glide import GLIDE_SECONDS, CameraGlide
 from napari_unpack.geometry.transforms import Pose, rotation_about
@@ -39,6 +39,9 @@ Frame = NDArray[np.uint8]
 FORMATS = (".mp4", ".gif", "")
 """Suffixes of movies; a name without one is a folder of images."""
 
+LONGEST_REASON = 300
+"""Characters of what the encoder said that a message repeats."""
+
 # GIF counts in hundredths of a second, and browsers show a frame of one hundredth for ten.
 MOST_GIF_FPS = 50
 
@@ -57,7 +60,7 @@ def checked_movie_path(path: str | Path, size: tuple[int, int]) -> Path:
     ValueError
         If its suffix is none of `FORMATS`, or its frames do not fit into memory.
     """
-    target = Path(path)
+    target = checked_target(path)
     if target.suffix.lower() not in FORMATS:
         raise ValueError(
             "a movie must end in .mp4 or .gif, or be a folder's name without a suffix for PNG "
@@ -137,7 +140,8 @@ def _gif(
     A ninth as large as with colours chosen frame by frame and dithered: what stands still
     stays the same and is left out.
     """
-    with TemporaryDirectory(dir=path.parent, prefix=f"{path.stem}-") as folder:
+    # Not called as the film: ffmpeg takes a % in a picture's path for a number.
+    with TemporaryDirectory(dir=path.parent) as folder:
         # Without loss in between: a second encoder would turn noise of the first into colours.
         lossless, colors = Path(folder) / "movie.mkv", Path(folder) / "colors.png"
         with _encoded(lossless, size, fps, SILENT, "-vcodec", "ffv1", "-pix_fmt", "bgr0") as write:
@@ -225,7 +229,9 @@ def _unwritten(process: subprocess.Popen[bytes], said: str) -> OSError:
     if not said.strip() and process.returncode == 256 - errno.ENOSPC:
         return OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     # Its last words: those before repeat them for every stream. A killed one says nothing.
-    return OSError(said.strip()[-300:] or f"ffmpeg ended with status {process.returncode}")
+    if len(said := " ".join(said.split())) > LONGEST_REASON:
+        said = "…" + said[-LONGEST_REASON:].partition(" ")[2]
+    return OSError(said or f"ffmpeg ended with status {process.returncode}")
 
 
 def _images_writer(folder: Path) -> Callable[[Frame], None]:

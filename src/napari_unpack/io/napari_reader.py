@@ -63,7 +63,7 @@ def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerDat
     from napari_unpack.io.arrays import read_names
     from napari_unpack.io.label_names import is_segmentation, load_label_names, names_of_labels
     from napari_unpack.io.ome_zarr import holds_ids, is_label_image
-    from napari_unpack.io.volumes import read_file, stem_of, suffix_of
+    from napari_unpack.io.volumes import is_zarr, read_file, stem_of, suffix_of
 
     first = Path(path if isinstance(path, str) else path[0])
     name = stem_of(first)
@@ -82,13 +82,13 @@ def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerDat
         # Voxels of 3D Slicer's segmentations are labels, which the header names.
         found = replace(found, volume=None, labels=found.volume)
         names = names_of_labels(load_label_names(first))
-    elif ids and _is_zarr(first) and is_label_image(first):
+    elif ids and is_zarr(first) and is_label_image(first):
         found = replace(found, volume=None, labels=found.volume)
     layers: list[LayerData] = []
     if found.volume is not None:
         layers.append((found.volume, _attributes(found, name) | {"colormap": "gray"}, "image"))
     if found.labels is not None:
-        named = {"features": _features(names)} if names else {}
+        named = {"features": label_features(names)} if names else {}
         about = _label_attributes(found, name, bool(layers))
         layers.append((found.labels, about | named, "labels"))
     return layers
@@ -97,9 +97,10 @@ def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerDat
 def _stored_layers(path: Path, name: str) -> list[LayerData]:
     """Return the layers of a multiscale OME-Zarr, which is not read; none of anything else."""
     from napari_unpack.io.ome_zarr import stored_levels
+    from napari_unpack.io.volumes import is_zarr
     from napari_unpack.read_errors import read_errors_told
 
-    if not _is_zarr(path):
+    if not is_zarr(path):
         return []
     with read_errors_told(path, "a Zarr image"):
         stored = stored_levels(path)
@@ -143,7 +144,7 @@ def _label_attributes(found: FileData, name: str, beside_image: bool) -> dict[st
     return _attributes(found, name)
 
 
-def _features(names: Mapping[int, str]) -> dict[str, list[Any]]:
+def label_features(names: Mapping[int, str]) -> dict[str, list[Any]]:
     """Return names as napari shows them when the mouse is on a label."""
     from napari_unpack.session.labels import one_line
 
@@ -196,24 +197,18 @@ def _has_slices(path: Path) -> bool:
         return True
 
 
-def _is_zarr(folder: Path) -> bool:
-    marks = ("zarr.json", ".zgroup", ".zarray")
-    return folder.suffix.lower() == ".zarr" or any((folder / mark).exists() for mark in marks)
-
-
 def _is_dicom_or_zarr(folder: Path) -> bool:
+    from napari_unpack.io.volumes import DICOM_SUFFIXES, has_dicom_preamble, is_zarr
+
     if not os.access(folder, os.R_OK | os.X_OK):
         # The reader says that it may not be read.
         return True
-    if _is_zarr(folder):
+    if is_zarr(folder):
         return True
     files = (p for p in sorted(folder.rglob("*")) if p.is_file())
     # A series has its slices together: twenty files tell, thousands would take seconds.
     for _, file in zip(range(20), files, strict=False):
-        if file.suffix.lower() in (".dcm", ".dicom", ".ima", ".dcs", ".dicos"):
-            return True
-        # Scanners write DICOM files without a suffix: the mark stands after 128 bytes.
-        with suppress(OSError), file.open("rb") as stream:
-            if stream.read(132)[128:] == b"DICM":
+        with suppress(OSError):
+            if file.suffix.lower() in DICOM_SUFFIXES or has_dicom_preamble(file):
                 return True
     return False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from napari_unpack.atomic import holds_only
 from napari_unpack.file_sizes import TooLargeError, check_size, stored_size
 from napari_unpack.geometry.axes import Matrix
 from napari_unpack.io.file_data import NO_UNIT, NO_VOXEL_SIZE, SPACE, FileData, in_millimetres
@@ -269,6 +271,12 @@ def is_label_image(path: Path) -> bool:
         return _says_labels(_opened(path))
     except ValueError:
         return False
+
+
+def is_label_image_alone(path: Path) -> bool:
+    """Tell whether a folder is a label image and holds nothing beside its levels."""
+    belongs = re.compile(r"\.z[a-z]+|zarr\.json|\d+")
+    return is_label_image(path) and holds_only(path, lambda name: bool(belongs.fullmatch(name)))
 
 
 def holds_ids(array: Any) -> bool:

@@ -21,7 +21,7 @@ from napari_unpack.atomic import check_writable, checked_target, written_atomica
 from napari_unpack.geometry.length_unit import MICRO, MM, LengthUnit, VolumeUnit, density_text
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.io.headless import snapshot
-from napari_unpack.io.images import straight_bytes
+from napari_unpack.io.images import png_bytes, straight_bytes
 from napari_unpack.io.table_page import PageColumn, PageParts, number_cell, table_page
 from napari_unpack.rendering.compose import scene_image, sprite_image
 from napari_unpack.rendering.cpu import CANCELLING
@@ -151,7 +151,7 @@ def _names_on(session: Session, measured: Measurement) -> str:
 
 
 def _rows(session: Session, progress: Progress, backend: str, planned: bool) -> Iterator[str]:
-    objects, volumes = session.objects, _volumes(session)
+    objects, volumes = said_of_objects(session), _volumes(session)
     # Steps up to now: those undone are still in the bag.
     steps = session.steps if planned else session.steps[: session.step]
     left = {i: k for k, group in enumerate(steps, 1) for i in group}
@@ -187,6 +187,11 @@ def _rows(session: Session, progress: Progress, backend: str, planned: bool) -> 
         )
 
 
+def said_of_objects(session: Session) -> pd.DataFrame:
+    """Return the facts of a session's objects, with no flag and no note where nobody said one."""
+    return session.objects.fillna({"flag": "", "note": ""})
+
+
 def _volumes(session: Session) -> VolumeUnit:
     return session.length_unit.volume_unit(float(session.objects["volume_mm3"].max()))
 
@@ -205,14 +210,14 @@ def _image(session: Session, object_id: int, backend: str) -> str:
 
 
 def _data_uri(image: NDArray[Any] | Sequence[Any]) -> str:
-    import imageio.v3 as iio
-
-    encoded = iio.imwrite("<bytes>", straight_bytes(np.asarray(image)), extension=".png")
+    encoded = png_bytes(straight_bytes(np.asarray(image)))
     return f"data:image/png;base64,{base64.b64encode(encoded).decode('ascii')}"
 
 
 def save_objects_csv(objects: pd.DataFrame, path: str | Path, unit: LengthUnit = MM) -> Path:
     """Write a table of objects, one row an object, the ID first.
+
+    Measures have six digits, other numbers all of theirs.
 
     Parameters
     ----------
@@ -224,7 +229,7 @@ def save_objects_csv(objects: pd.DataFrame, path: str | Path, unit: LengthUnit =
         Of volumes, centres and ratios, such as `Session.length_unit`. Other units than mm stand
         in the names of these columns: z is then z_um or z_voxels.
     """
-    target = Path(path)
+    target = checked_target(path)
     objects = _in_unit(objects, unit).map(_not_a_formula)
     with written_atomically(target) as temporary:
         _write_csv(objects, temporary, "id")
@@ -261,17 +266,23 @@ def save_measurements_csv(session: Session, path: str | Path) -> Path:
     ends = [f"{axis}{k}_{suffix}" for k in (1, 2, 3) for axis in "zyx"]
     told = [f"length_{suffix}", f"second_length_{suffix}", "angle_degrees", "objects", *ends]
     table = pd.DataFrame(rows, index=range(1, len(rows) + 1), columns=["kind", *told])
-    target = Path(path)
+    target = checked_target(path)
     with written_atomically(target) as temporary:
-        _write_csv(table.map(_not_a_formula), temporary, "measurement")
+        _write_csv(table.map(_six_digits).map(_not_a_formula), temporary, "measurement")
     return target
 
 
 def _write_csv(table: pd.DataFrame, path: Path, index: str) -> None:
-    # Six digits are more than any measure has; one line end on every system, in texts too, since a
-    # lone carriage return is not quoted and ends the row for whoever reads it.
+    # One line end on every system, in texts too, since a lone carriage return is not quoted and
+    # ends the row for whoever reads it.
     table = table.map(lambda v: re.sub("\r\n?", "\n", v) if isinstance(v, str) else v)
-    table.to_csv(path, index_label=index, float_format="%.6g", lineterminator="\n")
+    # Whole numbers that stand beside missing ones are floats: all their digits, and no more.
+    table.to_csv(path, index_label=index, float_format="%.15g", lineterminator="\n")
+
+
+def _six_digits(value: Any) -> Any:
+    # More than any measure has; numbers of a person's own keep theirs.
+    return float(f"{value:.6g}") if isinstance(value, float | np.floating) else value
 
 
 def _not_a_formula(value: Any) -> Any:
@@ -284,12 +295,15 @@ def _suffix(unit: LengthUnit) -> str:
 
 
 def _in_unit(objects: pd.DataFrame, unit: LengthUnit) -> pd.DataFrame:
-    # As they have always been called.
-    if unit == MM:
-        return objects
-    powers = {"volume_mm3": 3, "z": 1, "y": 1, "x": 1, "isoperimetric_ratio": -1}
-    told = {name: objects[name] * unit.per_mm**n for name, n in powers.items() if name in objects}
+    lengths = {"volume_mm3": 3, "z": 1, "y": 1, "x": 1, "isoperimetric_ratio": -1}
+    powers = lengths | {"mean_density": 0, "confidence": 0}
+    told = {
+        name: (objects[name] * unit.per_mm**n).map(_six_digits)
+        for name, n in powers.items()
+        if name in objects
+    }
     table = objects.assign(**told)
+    # As they have always been called.
     if unit.name == "mm":
         return table
     suffix = _suffix(unit)

@@ -50,9 +50,9 @@ class Scan:
         Raises
         ------
         ValueError
-            If their shape is not the volume's.
+            If they are none, or of another shape than the volume.
         """
-        checked_label_array(labels, "labels")
+        labels = checked_label_array(labels, "labels")
         if labels.shape != self.volume.shape:
             raise ValueError(
                 f"labels must have the volume's shape {self.volume.shape}, got {labels.shape}"

@@ -193,29 +193,6 @@ MEMBERS = (MANIFEST, "volume.npz", "labels.npz", "picture.png")
 """All that a session may hold."""
 
 
-class Sink(Protocol):
-    """Takes the members of a session."""
-
-    def open(self, name: str) -> IO[bytes]:
-        """Open a member for writing."""
-
-
-class _ZipSink:
-    def __init__(self, archive: zipfile.ZipFile) -> None:
-        self._archive = archive
-
-    def open(self, name: str) -> IO[bytes]:
-        return self._archive.open(name, "w", force_zip64=True)
-
-
-class _FolderSink:
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-
-    def open(self, name: str) -> IO[bytes]:
-        return (self._folder / name).open("wb")
-
-
 class Source(Protocol):
     """Gives the members of a session."""
 
@@ -260,8 +237,8 @@ def is_zip(path: Path) -> bool:
 
 
 @contextmanager
-def opened_for_writing(path: Path) -> Iterator[Sink]:
-    """Give a place for a session that replaces `path` once it is whole, and only then.
+def opened_for_writing(path: Path) -> Iterator[Callable[[str], IO[bytes]]]:
+    """Give what opens the members of a session that replaces `path` once it is whole.
 
     Raises
     ------
@@ -274,7 +251,7 @@ def opened_for_writing(path: Path) -> Iterator[Sink]:
             # Stored: its members are compressed already.
             zipfile.ZipFile(temporary, "w", zipfile.ZIP_STORED) as archive,
         ):
-            yield _ZipSink(archive)
+            yield lambda name: archive.open(name, "w", force_zip64=True)
         return
     if path.exists() and not path.is_dir():
         raise ValueError(
@@ -282,7 +259,7 @@ def opened_for_writing(path: Path) -> Iterator[Sink]:
             f"{' or '.join(ZIP_SUFFIXES)} for a single file"
         )
     with folder_written_atomically(path, _is_session) as temporary:
-        yield _FolderSink(temporary)
+        yield lambda name: (temporary / name).open("wb")
 
 
 def _is_session(folder: Path) -> bool:

@@ -27,6 +27,7 @@ from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.io.answers import answers_from, answers_record
 from napari_unpack.io.cut_json import cut_from, cut_record
+from napari_unpack.io.images import png_bytes
 from napari_unpack.io.json_fields import Fields
 from napari_unpack.io.measurements_json import measurements_from, measurements_record
 from napari_unpack.io.scan import checked_place
@@ -188,10 +189,8 @@ def styles_from(fields: Fields, known: frozenset[int]) -> dict[int, ObjectStyle]
     ValueError
         If the record says something that cannot be.
     """
-    if not fields.has("studies"):
-        return {}
     styles = {}
-    for i, value in fields.by_id("studies", known).items():
+    for i, value in _told(fields, "studies", known).items():
         one = Fields(value, f"session.situation.studies.{i}")
         own = None
         if one.has("transfer_function"):
@@ -293,7 +292,7 @@ def state_from(fields: Fields, data: LabelData, rules: UnpackingRules) -> Sessio
 
 
 def _told(fields: Fields, name: str, known: frozenset[int]) -> dict[int, Any]:
-    # Files of before people could colour, note and flag objects do not say it.
+    # Files of before people could colour, note, flag and study objects do not say it.
     return fields.by_id(name, known) if fields.has(name) else {}
 
 
@@ -446,9 +445,7 @@ def decorations_from(fields: Fields) -> Decorations:
 
 
 def _encoded(picture: Any) -> str:
-    import imageio.v3 as iio
-
-    return base64.b64encode(iio.imwrite("<bytes>", picture, extension=".png")).decode()
+    return base64.b64encode(png_bytes(picture)).decode()
 
 
 def _decoded(text: str) -> Any:

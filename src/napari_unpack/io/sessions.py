@@ -102,12 +102,12 @@ def save_session(
     files = {"volume": volume_path, "labels": labels_path}
     # Shares of the progress: the volume compresses worst and takes longest.
     ends = {"volume": (0.0, 0.6), "labels": (0.6, 0.9)}
-    with opened_for_writing(target) as sink:
+    with opened_for_writing(target) as member:
         for name, array in arrays.items():
             file = files[name]
             told = Share(report, *ends[name], f"Saving the {name}")
             if copy or file is None:
-                with sink.open(f"{name}.npz") as stream:
+                with member(f"{name}.npz") as stream:
                     facts = write_array(stream, array, told)
                 where = {"file": f"{name}.npz"}
             else:
@@ -119,9 +119,9 @@ def save_session(
         state = Share(report, 0.9, 1.0, "Saving the state")
         state()
         # Small and before the manifest, which makes a folder a session: it comes last.
-        with sink.open("picture.png") as stream:
+        with member("picture.png") as stream:
             stream.write(attended(partial(_picture, scene, camera), state))
-        with sink.open(MANIFEST) as stream:
+        with member(MANIFEST) as stream:
             stream.write(written(manifest))
     report(1.0, "Saved")
     return target
@@ -424,11 +424,9 @@ def _loaded(file: Path, name: str, large: bool) -> NDArray[Any]:
 
 def _picture(scene: Scene, camera: Camera) -> bytes:
     """Return a small picture of the bag as PNG, for people who look into the file."""
-    import imageio.v3 as iio
-
-    from napari_unpack.io.images import straight_bytes
+    from napari_unpack.io.images import png_bytes, straight_bytes
     from napari_unpack.rendering.compose import scene_image
 
     # On the processor: saving may run on a thread without a GL context.
     image = scene_image(scene, camera, PICTURE, backend="cpu")
-    return bytes(iio.imwrite("<bytes>", straight_bytes(image), extension=".png"))
+    return png_bytes(straight_bytes(image))

@@ -16,6 +16,7 @@ from scipy.ndimage import gaussian_filter
 
 from napari_unpack.atomic import (
     check_writable,
+    checked_target,
     folder_written_atomically,
     holds_only,
     written_atomically,
@@ -81,7 +82,7 @@ def checked_surfaces_path(path: str | Path) -> Path:
     ValueError
         If its suffix is none of `FORMATS`.
     """
-    target = Path(path)
+    target = checked_target(path)
     if target.suffix.lower() not in FORMATS:
         raise ValueError(
             "surfaces must end in .stl, .obj, .ply or .glb, or be a folder's name without a suffix "

@@ -148,7 +148,9 @@ def _imagej(file: Any, assumed: list[str]) -> Spacing | None:
         # What it leaves out is 1, the distance of slices too.
         pixels, units = tags[name].value if name in tags else (1, 1)
         sides.append(units / pixels * scales[axis] if pixels else scales[axis])
-    return float(notes.get("spacing", 1.0)) * scales["z"], float(sides[0]), float(sides[1])
+    # Negative where the stack was turned over.
+    distance = abs(float(notes.get("spacing", 1.0)))
+    return distance * scales["z"], float(sides[0]), float(sides[1])
 
 
 def _unescaped(unit: object) -> str:

@@ -189,12 +189,16 @@ def read_file(path: str | Path, large: bool = False) -> FileData:
         return _reader(file)(file, large)
 
 
+def is_zarr(folder: Path) -> bool:
+    """Tell whether a folder is a Zarr image, by its name or what lies in it."""
+    marks = ("zarr.json", ".zgroup", ".zarray")
+    return suffix_of(folder) == ".zarr" or any((folder / mark).exists() for mark in marks)
+
+
 def _reader(file: Path) -> Callable[[Path, bool], FileData]:
     # Imported late: each loads a package that other formats do not need.
     suffix = suffix_of(file)
-    if file.is_dir() and (
-        suffix == ".zarr" or any((file / m).exists() for m in ("zarr.json", ".zgroup", ".zarray"))
-    ):
+    if file.is_dir() and is_zarr(file):
         from napari_unpack.io.ome_zarr import read_zarr
 
         return read_zarr
@@ -213,14 +217,15 @@ def _reader(file: Path) -> Callable[[Path, bool], FileData]:
 
         return read_tiff
     # Scanners write files without a suffix; the mark tells them.
-    if file.is_dir() or suffix in DICOM_SUFFIXES or _has_dicom_preamble(file):
+    if file.is_dir() or suffix in DICOM_SUFFIXES or has_dicom_preamble(file):
         from napari_unpack.io.dicom import read_dicom
 
         return read_dicom
     raise ValueError(f"{file} is of no known format; can read {', '.join(READABLE)}")
 
 
-def _has_dicom_preamble(file: Path) -> bool:
+def has_dicom_preamble(file: Path) -> bool:
+    """Tell whether a file has the mark of DICOM, after 128 bytes."""
     with file.open("rb") as stream:
         return stream.read(132)[128:] == b"DICM"
 

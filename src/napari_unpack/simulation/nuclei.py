@@ -18,6 +18,9 @@ RADIUS = 4.0
 TRIES = 400
 """Places tried for each nucleus before the embryo counts as full."""
 
+MOST_NUCLEI = 2**16 - 1
+"""IDs that the labels have room for."""
+
 CLOSEST = 0.95
 """Distance of two centres, in sums of their radii: below 1 nuclei flatten where they touch."""
 
@@ -65,7 +68,7 @@ def simulate_nuclei(
     shape : (int, int, int)
         Of the volume, z y x.
     count : int
-        At most so many nuclei; fewer where no more find a place.
+        At most so many nuclei, from 1 to 65,535; fewer where no more find a place.
     spacing : (float, float, float) of µm, z y x
     progress : callable, optional
         Takes (fraction in [0, 1], text); raises to cancel.
@@ -73,11 +76,15 @@ def simulate_nuclei(
     Raises
     ------
     ValueError
-        If there is no room for a nucleus.
+        If there is no room for a nucleus, or `count` or `spacing` is not as described.
     """
+    if not 1 <= count <= MOST_NUCLEI:
+        raise ValueError(f"count must be from 1 to {MOST_NUCLEI}, got {count!r}")
     share = Share(progress or no_progress)
     rng = np.random.default_rng(seed)
     edges = np.asarray(spacing, np.float64)
+    if edges.shape != (3,) or not (np.isfinite(edges) & (edges > 0)).all():
+        raise ValueError(f"spacing must be three positive numbers of µm (z, y, x), got {spacing!r}")
     size = np.asarray(shape) * edges
     centers, radii = _placed(rng, size, count)
     labels = np.zeros(tuple(shape), np.uint16)

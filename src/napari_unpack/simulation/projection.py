@@ -15,6 +15,7 @@ from scipy import ndimage
 
 from napari_unpack.simulation.scanner import FWHM_PER_SIGMA, HIGHEST, check_least, gaussian
 from napari_unpack.simulation.tomography import ParallelBeam
+from napari_unpack.thread_count import thread_count
 
 ENERGIES = np.array([50.0, 70.0, 100.0])
 """Of the spectrum's three bins, keV: a filtered 130 kV tube in short."""
@@ -47,8 +48,6 @@ class ProjectionScanner:
         Directions over 180 degrees; by default as many as the slice's size needs.
     thickness : float
         Full width at half maximum of the slice profile, voxels.
-    threads : int
-        Slices worked on at once; the result does not depend on it.
 
     Raises
     ------
@@ -69,10 +68,9 @@ class ProjectionScanner:
     electronic: float = 12.0
     views: int | None = None
     thickness: float = 1.2
-    threads: int = 2
 
     def __post_init__(self) -> None:
-        check_least(self, photons=1.0, electronic=0.0, thickness=0.0, threads=1)
+        check_least(self, photons=1.0, electronic=0.0, thickness=0.0)
         if self.views is not None:
             check_least(self, views=1)
 
@@ -111,7 +109,7 @@ class ProjectionScanner:
             plane = beam.reconstruct(lines, (height, width)) * (1000.0 / WATER[REFERENCE])
             scanned[z] = np.clip(np.rint(plane), 0, HIGHEST)
 
-        with ThreadPoolExecutor(self.threads, "unpack") as pool:
+        with ThreadPoolExecutor(thread_count(), "unpack") as pool:
             list(pool.map(work, range(len(density))))
         return scanned
 

@@ -1,10 +1,10 @@
 """What a confidence oracle looks at: geometry, density, gradient and boundary of one region.
 
 After the features of Kohlberger et al. (MICCAI 2012) and Grady et al. (ECCV 2012).
-Every feature is invariant to translation, to quarter turns and mirrors exactly and to
-other turns up to the voxel grid; and, but for the volume itself, to the object's size and to the
-unit of density: lengths are measured against the radius of the ball of equal volume, densities
-against the median m. Heavy tails are log-compressed.
+Every feature is invariant to translation, to quarter turns and mirrors exactly (of regions that
+are not thinned, see `MOST_VOXELS`) and to other turns up to the voxel grid; and, but for the volume
+itself, to the object's size and to the unit of density: lengths are measured against the radius of
+the ball of equal volume, densities against the median m. Heavy tails are log-compressed.
 """
 
 from __future__ import annotations

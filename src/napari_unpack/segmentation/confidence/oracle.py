@@ -7,6 +7,7 @@ components, and their density is modelled by a mixture of Gaussians. Regions kno
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -16,7 +17,7 @@ from zipfile import BadZipFile, ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.atomic import written_atomically
+from napari_unpack.atomic import checked_target, written_atomically
 from napari_unpack.file_sizes import check_plain_file, load_arrays
 from napari_unpack.read_errors import read_errors_told
 from napari_unpack.segmentation.common.region import Region
@@ -118,7 +119,7 @@ class Oracle:
     def save(self, path: str | Path) -> None:
         """Write the oracle as an npz of plain arrays."""
         arrays, names = self.arrays(), np.array(FEATURES)
-        with written_atomically(path) as temporary, temporary.open("wb") as file:
+        with written_atomically(checked_target(path)) as temporary, temporary.open("wb") as file:
             np.savez_compressed(file, format=FORMAT, features=names, **arrays)  # type: ignore[arg-type]
 
     def arrays(self) -> dict[str, NDArray[np.float64]]:
@@ -170,8 +171,9 @@ class Oracle:
         FileNotFoundError
             If there is none.
         """
-        with read_errors_told(Path(path), "an oracle"):
-            check_plain_file(Path(path))
+        path = Path(os.path.expanduser(path))
+        with read_errors_told(path, "an oracle"):
+            check_plain_file(path)
             # What numpy says of other archives, such as sessions, says nothing of oracles.
             others = [name for name in _members(path) if not name.endswith(".npy")]
             if others:
