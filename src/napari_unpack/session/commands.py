@@ -362,8 +362,8 @@ def mirrors() -> Callable[[SessionState], SessionState]:
     return mirror
 
 
-def rename(state: SessionState, object_id: int, name: str) -> SessionState:
-    """Give an object a name.
+def rename(state: SessionState, object_id: int, name: str, now: str) -> SessionState:
+    """Give an object a name, where it is another than it has.
 
     Parameters
     ----------
@@ -371,6 +371,8 @@ def rename(state: SessionState, object_id: int, name: str) -> SessionState:
     object_id : int
     name : str
         Line breaks and tabs in it become spaces.
+    now : str
+        What it is called.
 
     Raises
     ------
@@ -382,7 +384,8 @@ def rename(state: SessionState, object_id: int, name: str) -> SessionState:
     checked_kind(name, str, "name")
     if not name.strip():
         raise ValueError("name must not be blank")
-    return replace(state, names={**state.names, object_id: one_line(name)})
+    wanted = one_line(name)
+    return state if wanted == now else replace(state, names={**state.names, object_id: wanted})
 
 
 def set_style(state: SessionState, object_id: int, style: ObjectStyle | None) -> SessionState:

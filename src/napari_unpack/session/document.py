@@ -122,7 +122,7 @@ class Document:
     def commit(
         self, verb: str, new: SessionState, merge: bool = False, data: LabelData | None = None
     ) -> None:
-        """Enter a state by a command that can be undone.
+        """Enter a state by a command that can be undone; no step of it where nothing differs.
 
         Parameters
         ----------

@@ -394,7 +394,8 @@ class Session:
             If the name is blank.
         """
         object_id = self._doc.one(object_id)
-        self._doc.commit("rename", commands.rename(self.state, object_id, name))
+        (now,) = self._doc.names([object_id])
+        self._doc.commit("rename", commands.rename(self.state, object_id, name, now))
 
     def mark_examples(self, ids: int | Iterable[int], examples: bool = True) -> None:
         """Mark objects as examples of whole ones, or take the mark away.
@@ -551,7 +552,7 @@ class Session:
 
         0 is the packed bag. Beyond the removals known, the next to leave are unpacked, as far as
         something can. Repeated removals end in the same places, turned by hand or not. Successive
-        calls are one step of undo.
+        calls are one step of undo, and none where they end as they began.
 
         Raises
         ------
