@@ -128,8 +128,13 @@ def test_what_is_outside_is_refused_with_a_sentence() -> None:
         lambda: s.merge([2, 3]),
         lambda: s.split(2, (5, 17, 5), (5, 20, 8)),
     ):
-        with pytest.raises(ValueError, match="Cube 2 must be in the bag"):
+        with pytest.raises(ValueError, match="Cube 2 must be in the bag to be repaired: restore"):
             repair()
+    # What is hidden is not restored before it shows.
+    s.hide(2)
+    with pytest.raises(ValueError, match="to be repaired: show and restore first"):
+        s.delete(2)
+    s.show()
     assert s.labels is before
     s.merge([1, 3])
     assert_consistent(s)

@@ -388,11 +388,13 @@ class Document:
         Raises
         ------
         ValueError
-            If it is not there.
+            If it is not there, or is hidden.
         """
         known = self.one(object_id)
         if known not in self.queries.packed:
-            raise ValueError(f"{listed(self.names([known]))} is not in the bag: put it back first")
+            hidden = known in self.state.hidden
+            why = "is hidden: show it first" if hidden else "is not in the bag: put it back first"
+            raise ValueError(f"{listed(self.names([known]))} {why}")
         return known
 
     def outside(self, object_id: int) -> Placement:
