@@ -15,6 +15,7 @@ from bags import session_of, stack_of_plates
 import napari_unpack as nu
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.session import Session
+from napari_unpack.session.bag_cut import Cutting
 from napari_unpack.session.measurements import SurfacePoint
 from napari_unpack.session.state import UnpackingRules
 
@@ -215,6 +216,12 @@ def test_a_camera_given_is_not_the_sessions(session: Session) -> None:
     assert type(session.camera.height) is type(session.view.height) is float
 
 
+def cut(session: Session) -> Cutting:
+    session.cutting.plane = [(4, 3, 3), (1, 0, 0)]
+    session.cutting.box = [(1, 1, 1), (9, 5, 5)]
+    return session.cutting
+
+
 HANDED_OUT: dict[str, Callable[[Session], np.ndarray]] = {
     "spacing": lambda s: s.spacing,
     "slots": lambda s: s.slots.centers,
@@ -226,6 +233,8 @@ HANDED_OUT: dict[str, Callable[[Session], np.ndarray]] = {
     "turn of the view": lambda s: s.camera.rotation,
     "stretch of the view": lambda s: s.camera.stretch,
     "up": lambda s: s.away_from_table,
+    "cutting plane": lambda s: cut(s).plane,
+    "clipping box": lambda s: cut(s).box,
 }
 
 

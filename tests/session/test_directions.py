@@ -102,6 +102,22 @@ def test_reveal_says_what_is_wrong():
         session.reveal_plan(1)
     with pytest.raises(ValueError, match="direction must be one of"):
         session.reveal(3, "sideways")
+    session.hide(3)
+    with pytest.raises(ValueError, match="Object 3 is hidden: show it first"):
+        session.reveal(3)
+
+
+@pytest.mark.parametrize(
+    ("named", "along"), [("view", (-1, 0, 0)), ("up", (0, -1, 0)), ("+x", (0, 0, 1))]
+)
+def test_reveal_takes_every_direction_that_has_a_name(named, along):
+    session = session_of(stack_of_plates())
+    session.direction = "+z"
+    # Only the viewer stands where others are in the way.
+    assert session.reveal(3, named) == ((1, 2, 3) if named == "view" else (3,))
+    left_along = session.state.placements[3].direction
+    np.testing.assert_allclose(left_along, along, atol=1e-3)
+    assert session.direction == (1, 0, 0)
 
 
 def test_where_the_voxels_want_more_than_was_proposed_the_next_best_is_looked_along() -> None:

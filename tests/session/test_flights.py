@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from bags import session_of, stack_of_plates
 
 from napari_unpack import Session, simulate_bag
 from napari_unpack.geometry.axes import transform_points
@@ -126,3 +128,80 @@ def test_sent_out_again_on_its_way_back_it_lands_at_its_slot(bag) -> None:
     session.land(one)
     np.testing.assert_allclose(pose.center, session.poses[one].center, atol=1e-6)
     assert session.states[one] is ObjectState.UNPACKED
+
+
+def in_the_air() -> tuple[Session, list[float]]:
+    """Return a session of plates whose flights take 1 s on the clock [now], the first plate out."""
+    now = [0.0]
+    session = session_of(stack_of_plates(), clock=lambda: now[0])
+    session.unpack(1)
+    session.animated, session.seconds = True, 1.0
+    return session, now
+
+
+def put_aside(session: Session) -> None:
+    pose = session.poses[1]
+    session.place(1, replace(pose, center=pose.center + np.array([0.0, -7.0, 5.0])))
+
+
+def put_askew(session: Session) -> None:
+    session.turn(1, rotation_about((0, 0, 1), 1.5) @ session.poses[1].rotation)
+
+
+@pytest.mark.parametrize("put", [put_aside, put_askew])
+def test_sent_to_another_place_on_its_way_back_it_goes_on_from_where_it_is(put) -> None:
+    session, now = in_the_air()
+    put(session)
+    session.restore([1])
+    now[0] = 0.3
+    here = session.flights[1].pose(now[0], session.camera)
+    # By hand it was elsewhere than in the slot that it goes to.
+    session.unpack([1])
+    there = session.flights[1].pose(now[0], session.camera)
+    np.testing.assert_allclose(there.center, here.center, atol=1e-9)
+    np.testing.assert_allclose(there.rotation, here.rotation, atol=1e-9)
+    assert there.scale == pytest.approx(here.scale)
+
+
+def taken_back_twice(session: Session, now: list[float], put: Callable[[Session], None]) -> None:
+    put(session)
+    session.restore([1])
+    now[0] = 2.0
+    session.land(1)
+    session.undo()
+    now[0] += 0.3
+    session.undo()
+
+
+def under_way(session: Session, now: list[float], change: Callable[[Session], None]) -> None:
+    session.restore([1])
+    session.land(1)
+    session.unpack([1])
+    now[0] += 0.3
+    change(session)
+
+
+@pytest.mark.parametrize(
+    "act",
+    [
+        lambda s, now: taken_back_twice(s, now, put_aside),
+        lambda s, now: taken_back_twice(s, now, put_askew),
+        lambda s, now: under_way(s, now, lambda s: s.look(replace(s.camera, fov=45.0))),
+        lambda s, now: under_way(s, now, lambda s: s.look(replace(s.camera, stretch=-np.eye(3)))),
+        lambda s, now: under_way(
+            s, now, lambda s: s.turn(1, rotation_about((0, 0, 1), 1.5) @ s.camera.rotation)
+        ),
+    ],
+    ids=["moved back", "turned back", "perspective", "mirrored", "turned"],
+)
+def test_what_changes_while_an_object_flies_changes_where_it_lands(act) -> None:
+    session, now = in_the_air()
+    act(session, now)
+    flight = session.flights[1]
+    assert not flight.back
+    pose = flight.pose(flight.start + flight.seconds, session.camera)
+    session.land(1)
+    landed = session.poses[1]
+    np.testing.assert_allclose(pose.center, landed.center, atol=1e-9)
+    np.testing.assert_allclose(pose.rotation, landed.rotation, atol=1e-9)
+    assert pose.scale == pytest.approx(landed.scale)

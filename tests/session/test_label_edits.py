@@ -128,8 +128,13 @@ def test_what_is_outside_is_refused_with_a_sentence() -> None:
         lambda: s.merge([2, 3]),
         lambda: s.split(2, (5, 17, 5), (5, 20, 8)),
     ):
-        with pytest.raises(ValueError, match="Cube 2 must be in the bag"):
+        with pytest.raises(ValueError, match="Cube 2 must be in the bag to be repaired: restore"):
             repair()
+    # What is hidden is not restored before it shows.
+    s.hide(2)
+    with pytest.raises(ValueError, match="to be repaired: show and restore first"):
+        s.delete(2)
+    s.show()
     assert s.labels is before
     s.merge([1, 3])
     assert_consistent(s)
@@ -460,6 +465,47 @@ def test_what_people_set_goes_along_with_a_repair() -> None:
     before = made.state.measurements
     made.split(1, LEFT, RIGHT)
     assert made.state.measurements is before
+
+
+def test_what_is_said_of_an_object_goes_on_with_what_it_becomes_part_of() -> None:
+    made, red, blue = session(), (1.0, 0.0, 0.0, 1.0), (0.0, 0.0, 1.0, 1.0)
+    said = made.annotations
+    said.set_flag(2, "suspicious")
+    said.set_flag([1, 3], "cleared")
+    said.set_note(2, "wires")
+    said.set_note(3, "ask the owner")
+    said.set_color(2, red)
+    made.rename(2, "Knife")
+    # The plate has a note of its own, and neither name nor colour.
+    assert made.merge([2, 3]) == 3
+    assert said.flags == {1: "cleared", 3: "suspicious"}
+    assert said.notes == {3: "ask the owner; wires"}
+    assert (said.colors, made.state.names) == ({3: red}, {3: "Knife"})
+    made.undo()
+    assert said.flags == {1: "cleared", 2: "suspicious", 3: "cleared"}
+    # What an object has of its own stays; what is undecided is not cleared with a part of it.
+    made.rename(3, "Lid")
+    said.set_color(3, blue)
+    said.set_flag(1, None)
+    made.merge([2, 3])
+    assert (said.colors, made.state.names) == ({3: blue}, {3: "Lid"})
+    said.set_flag(3, "cleared")
+    assert made.merge([1, 3]) == 1
+    assert said.flags == {}
+    assert said.notes == {1: "ask the owner; wires"}
+
+
+def test_both_parts_of_a_suspicious_object_are_suspicious() -> None:
+    made = session()
+    made.annotations.set_flag(1, "suspicious")
+    made.annotations.set_color(1, (1.0, 0.0, 0.0))
+    new = made.split(1, LEFT, RIGHT)
+    assert made.annotations.flags == {1: "suspicious", new: "suspicious"}
+    assert made.annotations.colors.keys() == {1}
+    made.undo()
+    made.annotations.set_flag(1, "cleared")
+    made.split(1, LEFT, RIGHT)
+    assert made.annotations.flags == {1: "cleared"}
 
 
 def test_a_label_that_is_used_anew_has_nothing_of_the_deleted_object() -> None:

@@ -54,6 +54,37 @@ def test_a_new_command_ends_the_possibility_to_redo():
     assert names(session)[1] == "PACKED"
 
 
+NOTHING = {
+    "name": lambda s: s.rename(3, " Object 3 "),
+    "names": lambda s: s.annotations.name_and_color({3: "Object  3"}, {}),
+    "transfer function": lambda s: setattr(s, "transfer_function", s.transfer_function),
+    "no style": lambda s: s.set_style(3, None),
+}
+
+
+@pytest.mark.parametrize("what", NOTHING)
+def test_a_command_that_changes_nothing_is_no_step_and_redo_stays_possible(what):
+    session = session_of(stack_of_plates())
+    session.unpack()
+    session.undo()
+    NOTHING[what](session)
+    assert session.history.done == ()
+    assert session.state.names == {}
+    assert session.redo() == "unpack"
+    assert names(session)[1] == "UNPACKED"
+
+
+def test_what_is_drawn_there_and_back_is_no_step():
+    session = session_of(stack_of_plates())
+    session.unpack()
+    was = session.transfer_function
+    for scale in (2, 3):
+        points = [(density, opacity / scale) for density, opacity in was.points]
+        session.transfer_function = replace(was, points=points)
+    session.transfer_function = replace(was)
+    assert [step.verb for step in session.history.done] == ["unpack"]
+
+
 def test_undoing_a_step_leaves_alone_what_it_did_not_change():
     session = session_of(stack_of_plates())
     session.hide([2])

@@ -333,6 +333,24 @@ def test_what_is_opened_again_has_the_names_of_now() -> None:
     assert names_of(outer, 3) == ["rock"]
 
 
+def test_work_inside_outlives_repairs_elsewhere() -> None:
+    outer = boxed()
+    bags = outer.opened_bags
+    inner = bags.open(outer, 1)
+    inner.annotations.set_note(2, "from the sea")
+    bags.leave(outer, 1)
+    outer.delete(4)
+    assert bags.worked_in(outer) == {1: inner}
+    assert bags.open(outer, 1) is inner
+    # What is inside is another thing then, until that is taken back.
+    outer.merge([2, 3])
+    assert bags.worked_in(outer) == {}
+    outer.undo()
+    assert bags.open(outer, 1) is inner
+    outer.delete(1)
+    assert bags.worked_in(outer) == {}
+
+
 def test_parts_of_one_object_share_no_names_with_the_bag(session: Session) -> None:
     inner = session.opened_bags.open(session, 1)
     inner.rename(2, "food")

@@ -87,7 +87,9 @@ class Annotations:
         """
         state, checked = self._doc.state, {i: _checked_color(c) for i, c in colors.items()}
         self._doc.checked([*names, *checked])
-        told = {i: one_line(name) for i, name in names.items() if name.strip()}
+        called = self._doc.objects["name"]
+        wanted = {i: one_line(name) for i, name in names.items() if name.strip()}
+        told = {i: name for i, name in wanted.items() if name != called[i]}
         new = replace(state, names={**state.names, **told}, colors={**state.colors, **checked})
         if (new.names, new.colors) != (state.names, state.colors):
             self._doc.commit("names and colours", new)

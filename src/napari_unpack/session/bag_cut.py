@@ -132,7 +132,7 @@ class Cutting:
         """
         made = None if plane is None else _pair(plane, "plane", "a point and a normal")
         if made is not None:
-            made = np.stack([made[0], unit(made[1], "normal")])
+            made = fixed(np.stack([made[0], unit(made[1], "normal")]))
         self._take("cutting plane", self.plane, made, merge, plane=made)
 
     @property

@@ -362,8 +362,8 @@ def mirrors() -> Callable[[SessionState], SessionState]:
     return mirror
 
 
-def rename(state: SessionState, object_id: int, name: str) -> SessionState:
-    """Give an object a name.
+def rename(state: SessionState, object_id: int, name: str, now: str) -> SessionState:
+    """Give an object a name, where it is another than it has.
 
     Parameters
     ----------
@@ -371,6 +371,8 @@ def rename(state: SessionState, object_id: int, name: str) -> SessionState:
     object_id : int
     name : str
         Line breaks and tabs in it become spaces.
+    now : str
+        What it is called.
 
     Raises
     ------
@@ -382,7 +384,8 @@ def rename(state: SessionState, object_id: int, name: str) -> SessionState:
     checked_kind(name, str, "name")
     if not name.strip():
         raise ValueError("name must not be blank")
-    return replace(state, names={**state.names, object_id: one_line(name)})
+    wanted = one_line(name)
+    return state if wanted == now else replace(state, names={**state.names, object_id: wanted})
 
 
 def set_style(state: SessionState, object_id: int, style: ObjectStyle | None) -> SessionState:
@@ -425,14 +428,21 @@ def edit_labels(
     """
     origins = {i: origin_of(edit.change, i) for i in new_hues}
     parts = {i: f"{state.names[o]}, part" for i, o in origins.items() if o in state.names}
+    # What is said of objects that are gone goes to those that took most of their voxels.
+    back = edit.change.reverse()
+    said = state.names.keys() | state.colors.keys() | state.notes.keys() | state.flags.keys()
+    heirs = {i: heir for i in sorted(said - known) if (heir := origin_of(back, i))}
+    # What is cleared goes to nobody: that was said of one object, and not of all it became part of.
+    sources = (*origins.items(), *((heir, gone) for gone, heir in heirs.items()))
+    suspected = {i: state.flags[o] for i, o in sources if state.flags.get(o) == "suspicious"}
     return replace(
         _left(state, edit.change.touched),
         hues=_of_known(state.hues, known) | dict(new_hues),
-        names=_of_known(state.names, known) | parts,
+        names=_inherited(state.names, heirs, known) | parts,
         measurements=_followed(state.measurements, edit, known, owner),
-        colors=_of_known(state.colors, known),
-        notes=_of_known(state.notes, known),
-        flags=_of_known(state.flags, known),
+        colors=_inherited(state.colors, heirs, known),
+        notes=_joined(state.notes, heirs, known),
+        flags=_of_known(state.flags, known) | suspected,
         styles=_of_known(state.styles, known),
         hidden=state.hidden & known,
         examples=state.examples & known,
@@ -459,6 +469,25 @@ def _followed(
 
     followed = tuple(replace(one, points=tuple(map(now, one.points))) for one in measurements)
     return measurements if followed == measurements else followed
+
+
+def _inherited(
+    values: Mapping[int, T], heirs: Mapping[int, int], known: frozenset[int]
+) -> dict[int, T]:
+    """Return what objects have of their own, or else of one that is part of them now."""
+    passed_on = {heirs[i]: value for i, value in values.items() if i in heirs}
+    return passed_on | _of_known(values, known)
+
+
+def _joined(
+    notes: Mapping[int, str], heirs: Mapping[int, int], known: frozenset[int]
+) -> dict[int, str]:
+    """Return the notes of objects, with those of what is part of them now."""
+    joined = _of_known(notes, known)
+    for gone, heir in heirs.items():
+        if gone in notes:
+            joined[heir] = f"{joined[heir]}; {notes[gone]}" if heir in joined else notes[gone]
+    return joined
 
 
 def _of_known(values: Mapping[int, T], known: frozenset[int]) -> dict[int, T]:

@@ -16,7 +16,6 @@ from napari_unpack.appearance.minimum_opacity import air_among
 from napari_unpack.geometry.axes import Matrix
 
 if TYPE_CHECKING:
-    from napari_unpack.session.labels import Edit
     from napari_unpack.session.session import Session
 
 LEAST_SHARE = 0.004
@@ -341,8 +340,10 @@ def _family(session: Session, object_id: int) -> set[int]:
 
 @dataclass(frozen=True, eq=False)
 class _Opened:
-    made_of: Edit | None
     bag: Session
+    # Where in the labels, and what was there.
+    window: tuple[slice, slice, slice]
+    made_of: NDArray[np.uint16]
     # By which the bag was scored when it was opened last.
     given: Callable[[Any], float] | None = None
 
@@ -350,7 +351,8 @@ class _Opened:
 class OpenedBags:
     """The bags that objects of one session were opened as.
 
-    What was unpacked in one is still out when it is opened once more, until labels are repaired.
+    What was done in one is still so when it is opened once more, until a repair of labels changes
+    something where it was made of them.
     """
 
     def __init__(self) -> None:
@@ -386,8 +388,7 @@ class OpenedBags:
             shared = shared_objects(session, object_id, known) - given_inside.keys()
             known.annotations.take_names({i: str(outer[i]) for i in shared})
         _rate_alike(known, session)
-        given = known.label_editor.oracle
-        self._bags[object_id] = _Opened(session.state.labels_edit, known, given)
+        self._keep(session, object_id, known)
         return known
 
     def leave(self, session: Session, object_id: int) -> None:
@@ -423,8 +424,7 @@ class OpenedBags:
         object_id : int
         bag : Session
         """
-        given = bag.label_editor.oracle
-        self._bags[object_id] = _Opened(session.state.labels_edit, bag, given)
+        self._keep(session, object_id, bag)
         self._restored.add(object_id)
 
     def worked_in(self, session: Session) -> dict[int, Session]:
@@ -435,10 +435,21 @@ class OpenedBags:
             if i in self._restored or bag.history.done or bag.opened_bags.worked_in(bag)
         }
 
+    def _keep(self, session: Session, object_id: int, bag: Session) -> None:
+        window = session.boxes.slices(object_id, MARGIN)
+        # A copy, which keeps no whole volume of labels alive.
+        made_of = np.array(session.labels[window])
+        self._bags[object_id] = _Opened(bag, window, made_of, bag.label_editor.oracle)
+
     def _known(self, session: Session) -> dict[int, Session]:
-        # Of repaired labels: what was inside may be so no more.
-        edit = session.state.labels_edit
-        return {i: one.bag for i, one in self._bags.items() if one.made_of is edit}
+        # Of labels that were repaired there: what was inside may be so no more.
+        return {
+            i: one.bag
+            for i, one in self._bags.items()
+            if i in session.label_data.known
+            and one.window == session.boxes.slices(i, MARGIN)
+            and np.array_equal(one.made_of, session.labels[one.window])
+        }
 
 
 def _rate_alike(session: Session, other: Session) -> None:

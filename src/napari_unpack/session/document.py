@@ -122,7 +122,7 @@ class Document:
     def commit(
         self, verb: str, new: SessionState, merge: bool = False, data: LabelData | None = None
     ) -> None:
-        """Enter a state by a command that can be undone.
+        """Enter a state by a command that can be undone; no step of it where nothing differs.
 
         Parameters
         ----------
@@ -162,8 +162,7 @@ class Document:
             edited = self._follow_labels(old, new, data)
         stretch = self.view_state.camera.stretch
         slots = self.queries.slots()
-        if slots is not before:
-            self.flights.redirect(new.placements, slots, stretch, bends=True)
+        self.flights.redirect(new.placements, slots, stretch, bends=True)
         self.flights.follow(old, new, self.bag, (before, slots), stretch)
         now = self.queries.states()
         changed = {i for i, state in now.items() if state is not states.get(i)}
@@ -266,6 +265,10 @@ class Document:
             self.state = mirror(self.state)
             self.history.every(mirror)
         self.see(view=view, camera=camera)
+        if self.flights:
+            # Perspective and stretch move the places beside the bag.
+            out, slots = self.state.placements, self.queries.slots()
+            self.flights.redirect(out, slots, camera.stretch, bends=True)
         self.events.view.emit(camera)
 
     def resize(self, wanted: Sequence[int]) -> None:
@@ -385,11 +388,13 @@ class Document:
         Raises
         ------
         ValueError
-            If it is not there.
+            If it is not there, or is hidden.
         """
         known = self.one(object_id)
         if known not in self.queries.packed:
-            raise ValueError(f"{listed(self.names([known]))} is not in the bag: put it back first")
+            hidden = known in self.state.hidden
+            why = "is hidden: show it first" if hidden else "is not in the bag: put it back first"
+            raise ValueError(f"{listed(self.names([known]))} {why}")
         return known
 
     def outside(self, object_id: int) -> Placement:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import replace
 
 from napari_unpack.geometry.axes import Matrix, number
 from napari_unpack.session.placement import Bag, launch
@@ -116,7 +115,7 @@ class FlightControl(Mapping[int, Flight]):
             elif flights[i].back != back:
                 # It turns round where it is.
                 there = placement.pose(slots[not back], stretch)
-                flights[i] = replace(flights[i].reversed(now), target=there)
+                flights[i] = flights[i].reversed(now).toward(there, now)
         for back, placements in starting.items():
             # The last to leave returns first: the way is clear for it.
             order = reversed(list(placements.items())) if back else placements.items()
@@ -140,7 +139,7 @@ class FlightControl(Mapping[int, Flight]):
         stretch: Matrix,
         bends: bool = False,
     ) -> None:
-        """Send flights to where the slots are now.
+        """Send flights to where their objects belong now.
 
         Parameters
         ----------
@@ -152,11 +151,15 @@ class FlightControl(Mapping[int, Flight]):
         bends : bool, optional
             They turn to it from where they are; else they are at once on the way there.
         """
-        flights, now = dict(self._flights), self.clock() if bends else None
+        now = self.clock() if bends else None
         # What flies back goes to its place in the bag, which no window moves.
-        for i in flights.keys() & placements.keys():
-            flights[i] = flights[i].toward(placements[i].pose(slots, stretch), now)
-        self._take(flights)
+        sent = {
+            i: flight.toward(placements[i].pose(slots, stretch), now)
+            for i, flight in self._flights.items()
+            if i in placements and not flight.back
+        }
+        if any(flight is not self._flights[i] for i, flight in sent.items()):
+            self._take({**self._flights, **sent})
 
     def _take(self, flights: dict[int, Flight]) -> None:
         # A new dictionary each time, so that a worker's view of one never changes size.

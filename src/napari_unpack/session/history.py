@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Literal
 
 from napari_unpack.session.labels import Edit
@@ -11,6 +11,9 @@ from napari_unpack.session.state import SessionState
 
 # States share most of their parts; what they do not share is small, but not nothing.
 MOST_STEPS = 500
+
+WORKED_OUT = {"queue", "undone"}
+"""Parts of a state that follow from what was done: which objects leave next or again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +30,17 @@ class Step:
     verb: str
     before: SessionState
     after: SessionState
+
+    @property
+    def changes(self) -> bool:
+        """Whether something differs after it that a person has chosen."""
+        pairs = (
+            (getattr(self.before, f.name), getattr(self.after, f.name))
+            for f in fields(SessionState)
+            if f.name not in WORKED_OUT
+        )
+        # Identity first: comparing mappings takes long.
+        return any(a is not b and a != b for a, b in pairs)
 
 
 class History:
@@ -73,7 +87,7 @@ class History:
         self._done, self._undone = [*map(changed, self._done)], [*map(changed, self._undone)]
 
     def push(self, step: Step, merge: bool = False) -> None:
-        """Add a step, which ends the possibility to redo.
+        """Add a step, which ends the possibility to redo; not one that changes nothing.
 
         Parameters
         ----------
@@ -82,12 +96,17 @@ class History:
         merge : bool
             Make one step of it and the last if that was of the same verb, as when dragging.
         """
+        if not step.changes:
+            return
         self._undone.clear()
         if merge and self._done and self._done[-1].verb == step.verb:
             last = self._done.pop()
             # What has changed between the two otherwise is not the step's to take back.
             before = step.before.with_changes_of(last.after, last.before)
             step = Step(step.verb, before, step.after)
+            # There and back again.
+            if not step.changes:
+                return
         self._done.append(step)
         del self._done[:-MOST_STEPS]
 

@@ -411,9 +411,11 @@ class LabelEditor:
     def _refuse_outside(self, ids: Iterable[int]) -> None:
         away = self._outside(ids)
         if away:
+            # What is hidden is not put back.
+            first = "restore" if self._session.state.hidden.isdisjoint(away) else "show and restore"
             raise OutsideError(
                 f"{listed_objects(self._session.names(away))} must be in the bag to be repaired: "
-                "restore first"
+                f"{first} first"
             )
 
     def _outside(self, ids: Iterable[int]) -> list[int]:

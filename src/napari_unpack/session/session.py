@@ -24,6 +24,7 @@ from napari_unpack.session.annotations import Annotations
 from napari_unpack.session.bag_cut import Cutting
 from napari_unpack.session.containers import OpenedBags
 from napari_unpack.session.delegates import Read, Setting
+from napari_unpack.session.directions import resolved
 from napari_unpack.session.document import Document
 from napari_unpack.session.errors import NobodyFreeError, listed
 from napari_unpack.session.label_edits import EditedLabels, LabelEditor
@@ -34,7 +35,6 @@ from napari_unpack.session.review import Review
 from napari_unpack.session.scene_description import SceneDescription
 from napari_unpack.session.state import Group, Placement, SessionState, UnpackingRules, ViewState
 from napari_unpack.tasks import Task, no_progress
-from napari_unpack.unpacking import named
 from napari_unpack.unpacking.direction import checked_direction
 from napari_unpack.unpacking.direction_survey import BestDirection, RevealPlan
 
@@ -394,7 +394,8 @@ class Session:
             If the name is blank.
         """
         object_id = self._doc.one(object_id)
-        self._doc.commit("rename", commands.rename(self.state, object_id, name))
+        (now,) = self._doc.names([object_id])
+        self._doc.commit("rename", commands.rename(self.state, object_id, name, now))
 
     def mark_examples(self, ids: int | Iterable[int], examples: bool = True) -> None:
         """Mark objects as examples of whole ones, or take the mark away.
@@ -520,7 +521,8 @@ class Session:
         elif isinstance(direction, str) and direction == "any":
             along = self.reveal_plan(object_id).direction
         else:
-            along = named(direction if isinstance(direction, str) else tuple(direction))
+            asked = direction if isinstance(direction, str) else tuple(direction)
+            along = resolved(checked_direction(asked), self.camera, self.queries.bag_up)
         plan = self.queries.reveal_removals(object_id, along)
         self._doc.commit("reveal", commands.inspect(self._doc.removed(plan, self.state), None))
         return plan.ids
@@ -551,7 +553,7 @@ class Session:
 
         0 is the packed bag. Beyond the removals known, the next to leave are unpacked, as far as
         something can. Repeated removals end in the same places, turned by hand or not. Successive
-        calls are one step of undo.
+        calls are one step of undo, and none where they end as they began.
 
         Raises
         ------
