@@ -36,6 +36,11 @@ def stem_of(path: Path) -> str:
     return path.name[: len(path.name) - len(suffix_of(path))]
 
 
+def printable(text: str) -> str:
+    """Return a text that files and terminals take: names of files may hold what is no UTF-8."""
+    return text.encode("utf-8", "replace").decode()
+
+
 def load_volume(path: str | Path, at: Mapping[str, int] | None = None, large: bool = False) -> Scan:
     """Open a volume.
 
@@ -68,7 +73,7 @@ def load_volume(path: str | Path, at: Mapping[str, int] | None = None, large: bo
         found.volume,
         found.spacing,
         found.labels,
-        stem_of(file),
+        printable(stem_of(file)),
         names,
         found.assumed,
         found.scanner_from_scan,
