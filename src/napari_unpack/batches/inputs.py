@@ -246,7 +246,9 @@ def _told_apart(scans: list[ScanInput]) -> list[ScanInput]:
     counts = Counter(scan.name.lower() for scan in scans)
     # Such as many patients' folders with a file of one name each.
     longer = [
-        replace(s, name=f"{printable(s.volume.parent.name)}-{s.name}") if counts[s.name.lower()] > 1 else s
+        replace(s, name=printable(f"{s.volume.parent.name}-{s.name}"))
+        if counts[s.name.lower()] > 1
+        else s
         for s in scans
     ]
     own, given, told = {scan.name.lower() for scan in longer}, set[str](), []
