@@ -203,7 +203,7 @@ def _segment(
     scan = load_input(source, at, large)
     check_savable(output, scan.volume)
     found = segment(scan.volume, scan.spacing, progress=Ticker(), smallest=smallest, grainy=grainy)
-    labelled = scan.with_labels(_smallest_dtype(found.labels))
+    labelled = scan.with_labels(found.labels)
     try:
         write_somewhere(lambda path: save_scan(labelled, path), output, ".npz")
     finally:
@@ -649,10 +649,3 @@ def _bench(context: typer.Context) -> None:
     from benchmarks.__main__ import main as measure
 
     raise typer.Exit(measure(context.args))
-
-
-def _smallest_dtype(labels: Any) -> Any:
-    import numpy as np
-
-    # TIFF takes no labels wider than uint16, and every format holds these.
-    return labels.astype(np.uint16) if labels.max() < 65536 else labels

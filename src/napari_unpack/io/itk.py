@@ -114,7 +114,7 @@ def read_itk(path: Path, large: bool = False) -> FileData:
     assumed = fields.assumed
     if not _at_right_angles(np.reshape(image.GetDirection(), (3, 3))):
         assumed += ("its axes are not at right angles: it is shown as if they were",)
-    # Plain arrays, as this package wrote them before, say nothing of a patient: they are not turned.
+    # Plain arrays, as this package wrote them once, say nothing of a patient: they are not turned.
     if not np.allclose(image.GetDirection(), np.eye(3).ravel()):
         image = sitk.DICOMOrient(image, ORIENTATION)
     array = checked_volume_array(sitk.GetArrayFromImage(image), path)
