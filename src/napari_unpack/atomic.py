@@ -149,7 +149,7 @@ def written_atomically(
             _keep_mode(temporary, target)
             _sync(temporary)
             temporary.replace(target)
-            _sync(target.parent)
+            _sync_names(target.parent)
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -275,7 +275,7 @@ def _replace_folder(new: Path, path: Path) -> None:
     old = _aside(path)
     shutil.rmtree(old, ignore_errors=True)
     if _exchange(new, path):
-        _sync(path.parent)
+        _sync_names(path.parent)
         shutil.rmtree(new, ignore_errors=True)
         return
     # Elsewhere the old one steps aside, and back on an error. Its name is known, so that
@@ -287,7 +287,7 @@ def _replace_folder(new: Path, path: Path) -> None:
     except OSError:
         recover_folder(path)
         raise
-    _sync(path.parent)
+    _sync_names(path.parent)
     shutil.rmtree(old, ignore_errors=True)
 
 
@@ -377,8 +377,12 @@ def _of_another(path: Path) -> str:
 
 
 def _machine() -> str:
+    name = platform.node()
+    # Containers may share the name of a machine, and not the numbers of processes.
+    with suppress(OSError):
+        name += os.readlink("/proc/self/ns/pid")
     # Only told apart from others: a name of letters and digits fits every file system.
-    return hashlib.sha256(platform.node().encode()).hexdigest()[:8]
+    return hashlib.sha256(name.encode()).hexdigest()[:8]
 
 
 def _own_name() -> str:
@@ -418,6 +422,13 @@ def _sync(path: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def _sync_names(folder: Path) -> None:
+    # What took its name is there, also where the folder may not be looked into or its file system
+    # stores no folders on demand.
+    with suppress(OSError):
+        _sync(folder)
 
 
 def _sweep(folder: Path) -> None:

@@ -210,7 +210,7 @@ def _segment(
     scan = load_input(source, at, large)
     check_savable(output, scan.volume)
     found = segment(scan.volume, scan.spacing, progress=Ticker(), smallest=smallest, grainy=grainy)
-    labelled = scan.with_labels(_smallest_dtype(found.labels))
+    labelled = scan.with_labels(found.labels)
     try:
         write_somewhere(lambda path: save_scan(labelled, path), output, ".npz")
     finally:
@@ -455,7 +455,7 @@ def _table(
 ) -> None:
     """Write the table of objects, as one web page with an image of each, or as CSV."""
     from napari_unpack.io import save_measurements_csv, save_objects_csv, save_objects_page
-    from napari_unpack.io.volumes import stem_of
+    from napari_unpack.io.volumes import printable, stem_of
 
     check_output(output, (".csv",) if measurements else (".html", ".csv"), source, labels)
     session = open_input(source, labels, None, view, backend, at, large)
@@ -464,7 +464,7 @@ def _table(
     elif output.suffix.lower() == ".csv":
         typer.echo(f"wrote {save_objects_csv(session.objects, output, session.length_unit)}")
     else:
-        title = stem_of(source)
+        title = printable(stem_of(source))
         path = save_objects_page(session, output, title, progress=Ticker(), backend=backend)
         typer.echo(f"wrote {path}")
 
@@ -482,11 +482,12 @@ def _web(
 ) -> None:
     """Write one web page on which the bag turns and is unpacked, for people without napari."""
     from napari_unpack.io import save_interactive_page
-    from napari_unpack.io.volumes import stem_of
+    from napari_unpack.io.volumes import printable, stem_of
 
     check_output(output, (".html",), source, labels)
     session = open_input(source, labels, direction, view, backend, at, large)
-    path = save_interactive_page(session, output, stem_of(source), Ticker(), backend)
+    title = printable(stem_of(source))
+    path = save_interactive_page(session, output, title, Ticker(), backend)
     typer.echo(f"wrote {path}")
 
 
@@ -671,10 +672,3 @@ def _bench(context: typer.Context) -> None:
     from benchmarks.__main__ import main as measure
 
     raise typer.Exit(measure(context.args))
-
-
-def _smallest_dtype(labels: Any) -> Any:
-    import numpy as np
-
-    # TIFF takes no labels wider than uint16, and every format holds these.
-    return labels.astype(np.uint16) if labels.max() < 65536 else labels

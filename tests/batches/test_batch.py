@@ -323,6 +323,30 @@ def test_tables_and_open_know_what_a_file_holds_and_is_called_now(
     assert Counter(report.objects["scan"]) == {"b": 3, "new-name": 3}
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems know no such names")
+def test_a_file_whose_name_is_not_utf_8_is_worked_on_and_told_like_any_other(
+    bags: Path, client: Any, tmp_path: Path
+) -> None:
+    scans, output = tmp_path / "in", tmp_path / "out"
+    scans.mkdir()
+    # As a disk of the days of Latin-1 has them, one whole and one broken.
+    whole = scans / os.fsdecode(b"Sch\xe4del.npz")
+    shutil.copy(bags / "a.npz", whole)
+    (scans / os.fsdecode(b"kaputt\xe4.npz")).write_bytes(b"PK not an archive")
+    shutil.copy(bags / "c.npz", scans)
+    report = nu.batch(scans, output, client)
+    told = {one.scan: one.status for one in report.results}
+    assert told == {"Sch?del": "done", "c": "done", "kaputt?": "failed"}
+    assert set(report.objects["scan"]) == {"Sch?del", "c"}
+    assert "Sch?del" in report.index.read_text("utf-8")
+    assert session_in(output, "Sch?del").exists()
+    assert load_volume(whole).name == "Sch?del"
+    for command in ("table", "web"):
+        done = run(command, whole, tmp_path / "page.html")
+        assert done.exit_code == 0, done.output
+        assert "Sch?del" in (tmp_path / "page.html").read_text("utf-8")
+
+
 def test_equal_settings_are_known_by_one_hash() -> None:
     plain = Settings(smallest=200.0, view=(-1.0, 0.0, 0.0), direction=(0.0, 1.0, 0.0), grainy=True)
     listed: Any = {"smallest": 200, "view": [-1, 0, 0], "direction": [0, 1, 0], "grainy": True}

@@ -43,6 +43,26 @@ def test_a_folder_gives_its_volumes_with_the_labels_beside_them(folder: Path) ->
     assert sorted(one.name for one in found.values()) == ["image", "one-scan", "series", "two-scan"]
 
 
+def test_slices_hide_neither_the_volumes_beside_them_nor_the_folders_below(folder: Path) -> None:
+    (folder / "series" / "a.npz").write_bytes(b"-")
+    (folder / "series" / "more").mkdir()
+    (folder / "series" / "more" / "b.npz").write_bytes(b"-")
+    found = [one.volume.relative_to(folder) for one in find_inputs([folder / "series"])]
+    assert sorted(map(str, found)) == ["series", "series/a.npz", "series/more/b.npz"]
+    # Of the folder, the slices below would be read as well.
+    (folder / "series" / "more" / "3.dcm").write_bytes(b"-")
+    found = [one.volume.relative_to(folder / "series") for one in find_inputs([folder / "series"])]
+    assert sorted(map(str, found)) == ["1.dcm", "a.npz", "more", "more/b.npz"]
+
+
+def test_the_directory_of_a_disc_is_no_slice(folder: Path) -> None:
+    for name in ("DICOMDIR", "patient/IM1"):
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_bytes(bytes(128) + b"DICM")
+    names = [one.name for one in find_inputs([folder])]
+    assert sorted(names) == ["image", "one-scan", "patient", "series", "two-scan"]
+
+
 def test_what_is_named_twice_is_one_scan(folder: Path) -> None:
     found = find_inputs([folder / "one" / "scan.npz", f"{folder}/**/*.npz"])
     assert [one.volume.parent.name for one in found] == ["one"]

@@ -398,6 +398,22 @@ def test_a_multi_frame_dicos_file_without_a_preamble(tmp_path: Path) -> None:
     assert scan.spacing == (1.25, 0.5, 0.75)
 
 
+def test_a_named_file_without_a_preamble_opens_its_own_series(tmp_path: Path) -> None:
+    write_series(tmp_path)
+    write_series(tmp_path / "other", NUMBERS[:2] + 7, SeriesInstanceUID="1.2.4")
+    for file in (tmp_path / "other").iterdir():
+        (tmp_path / f"{file.name}.dcs").write_bytes(file.read_bytes()[132:])
+    (tmp_path / "readme.txt").write_text("not an image")
+    scan = load_volume(tmp_path / "a1.2.4.dcs")
+    np.testing.assert_array_equal(scan.volume[1], 7 + np.arange(20).reshape(4, 5))
+    assert scan.volume.shape == (2, 4, 5)
+    assert load_volume(tmp_path / "a").volume.shape == (3, 4, 5)
+    # A series of one is told as such: nothing else is taken for it.
+    (tmp_path / "a1.2.4.dcs").unlink()
+    with pytest.raises(ValueError, match="single slice"):
+        load_volume(tmp_path / "c1.2.4.dcs")
+
+
 @pytest.mark.parametrize("more", [{"NumberOfFrames": 10**8}, {"Rows": 60000, "Columns": 60000}])
 def test_a_dicom_file_asks_for_no_more_than_it_holds(tmp_path: Path, more: dict[str, int]) -> None:
     path = tmp_path / "a.dcm"

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import errno
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -198,6 +200,47 @@ def test_the_oldest_go_first_and_what_is_too_large_is_refused(tmp_path: Path) ->
     with pytest.raises(OSError, match="more than"):
         UnsavedCopy(tmp_path, size - 1).keep(session, "large", None, quiet)
     assert len(leftovers(tmp_path)) == 3
+
+
+def noisy_bag() -> nu.Session:
+    """Return a session whose volume, unlike its labels, hardly deflates."""
+    labels = np.kron(bag().labels, np.ones((4, 4, 4), np.uint8))
+    numbers = np.random.default_rng(0).integers(0, 60_000, labels.shape)
+    return nu.Session(numbers.astype(np.uint16), labels, (1.0, 1.0, 1.0))
+
+
+def test_another_state_of_the_labels_needs_room_for_them_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept(tmp_path, bag()).close()
+    session = noisy_bag()
+    taken = sum(f.stat().st_size for f in tmp_path.rglob("*") if f.is_file())
+    volume, labels = session.volume.nbytes, session.labels.nbytes
+    # Both copies, the volume once, and some kB of manifests.
+    copy = UnsavedCopy(tmp_path, taken + volume + 2 * labels + 20_000)
+    copy.keep(session, "new", None, quiet)
+    free = recovery.SPARE_BYTES + labels
+    monkeypatch.setattr(recovery.shutil, "disk_usage", lambda _: SimpleNamespace(free=free))
+    for pair in ([1, 2], [1, 3]):
+        session.merge(pair)
+        copy.keep(session, "new", None, quiet)
+    assert only(tmp_path).name == "bag"
+    copy.close()
+    assert [one.name for one in leftovers(tmp_path)] == ["new", "bag"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows removes no file that is open")
+def test_a_copy_whose_folder_was_removed_is_made_anew(tmp_path: Path) -> None:
+    home, session = tmp_path / "unsaved", bag()
+    copy = kept(home, session)
+    shutil.rmtree(home)
+    session.rename(1, "a knife")
+    copy.keep(session, "bag", None, quiet)
+    shutil.rmtree(home)
+    copy.forget()
+    copy.keep(session, "bag", None, quiet)
+    copy.close()
+    assert record_of(nu.open_session(only(home).session)) == record_of(session)
 
 
 def test_a_copy_in_hand_is_not_taken_away(tmp_path: Path) -> None:

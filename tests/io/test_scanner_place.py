@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 
 from napari_unpack.geometry.transforms import rotation_about
-from napari_unpack.io import load_volume, open_session, save_scan, save_session, save_surfaces
+from napari_unpack.io import (
+    Scan,
+    load_labels,
+    load_volume,
+    open_session,
+    save_scan,
+    save_session,
+    save_surfaces,
+)
 from napari_unpack.io.headless import open_scan, packed_copy
 from napari_unpack.session.containers import open_container
 
@@ -94,6 +102,30 @@ def test_surfaces_lie_on_the_scan_also_of_saved_sessions_and_opened_objects(
     outer = trimesh.load_mesh(save_surfaces(session, tmp_path / "box.stl", [2]))
     inner = trimesh.load_mesh(save_surfaces(filling, tmp_path / "in.stl"))
     np.testing.assert_allclose(inner.bounds, outer.bounds, atol=0.3)
+
+
+@pytest.mark.parametrize("suffix", [".nii", ".nii.gz", ".nrrd", ".mha", ".tif"])
+def test_a_scan_without_a_place_has_the_same_surfaces_from_every_format(
+    tmp_path: Path, suffix: str
+) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    # Longest along x and shortest along z, each arm from one corner: no turn makes it its mirror
+    # image.
+    labels = np.zeros((20, 30, 40), np.uint16)
+    labels[2:12, 2:6, 2:6] = labels[2:6, 2:20, 2:6] = labels[2:6, 2:6, 2:34] = 1
+    scan = Scan(labels * 900, SPACING, labels)
+    paths = save_scan(scan, tmp_path / f"bag{suffix}")
+    back = load_volume(paths[0])
+    np.testing.assert_array_equal(back.volume, labels * 900)
+    np.testing.assert_array_equal(load_labels(paths[1])[0], labels)
+    assert back.spacing == pytest.approx(SPACING)
+    session = open_scan(back.with_labels(labels), (1.0, 0.0, 0.0))
+    mesh = trimesh.load_mesh(save_surfaces(session, tmp_path / "bag.stl"))
+    # To the left, to the back, and z from the head to the feet: the first slice is the highest.
+    np.testing.assert_allclose(mesh.bounds, [[1.5, 0.75, -23.0], [33.5, 9.75, -3.0]], atol=0.3)
+    if suffix != ".tif":
+        image = sitk.ReadImage(str(paths[0]))
+        assert image.TransformIndexToPhysicalPoint((33, 2, 2)) == pytest.approx((33.0, 1.0, -4.0))
 
 
 def test_a_place_that_is_none_is_refused(tmp_path: Path) -> None:

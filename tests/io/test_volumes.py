@@ -530,6 +530,23 @@ def test_labels_alone(tmp_path: Path) -> None:
         load_volume(tmp_path / "l.npz")
 
 
+def test_densities_are_never_taken_for_labels(tmp_path: Path) -> None:
+    save_scan(scan(None), tmp_path / "v.npz")
+    save_zarr(tmp_path / "bag.zarr", VOLUME, "zyx")
+    save_zarr(tmp_path / "bag.zarr" / "labels" / "cells", LABELS[::2, ::2, ::2], "zyx")
+    pytest.importorskip("zarr").open_group(tmp_path / "bag.zarr" / "labels", zarr_format=2)
+    for name in ("v.npz", "bag.zarr"):
+        with pytest.raises(ValueError, match=rf"{name} holds a volume without labels that fit it"):
+            load_labels(tmp_path / name)
+    found = load_volume(tmp_path / "bag.zarr")
+    np.testing.assert_array_equal(found.volume, VOLUME)
+    said = "its labels have another shape than its volume: they were left out"
+    assert (found.labels, found.assumed) == (None, (said,))
+    # A bare array may be either.
+    np.save(tmp_path / "l.npy", LABELS)
+    np.testing.assert_array_equal(load_labels(tmp_path / "l.npy")[0], LABELS)
+
+
 def test_labels_must_be_whole_numbers_and_fit(tmp_path: Path) -> None:
     np.save(tmp_path / "l.npy", LABELS.astype(np.float32))
     assert load_labels(tmp_path / "l.npy")[0].dtype.kind == "i"
@@ -604,6 +621,24 @@ def test_a_missing_package_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPa
             load_volume(tmp_path / name)
         with pytest.raises(ImportError, match=rf"^writing {suffix} files needs SimpleITK"):
             save_scan(scan(), tmp_path / name)
+
+
+@pytest.mark.parametrize("dtype", [np.int32, np.int64, np.int16, np.float64])
+@pytest.mark.parametrize("suffix", [".npz", ".nii.gz", ".mha", ".nrrd", ".tif"])
+def test_labels_of_any_type_are_written_as_narrow_ones(
+    tmp_path: Path, suffix: str, dtype: type
+) -> None:
+    *_, last = save_scan(scan(LABELS.astype(dtype)), tmp_path / f"bag{suffix}")
+    np.testing.assert_array_equal(load_labels(last)[0], LABELS.astype(np.uint16), strict=True)
+
+
+def test_a_volume_whose_labels_cannot_be_written_is_not_replaced(tmp_path: Path) -> None:
+    save_scan(scan(), tmp_path / "bag.tif")
+    before = {file: file.read_bytes() for file in tmp_path.iterdir()}
+    large = LABELS.astype(np.int64) * 2**17
+    with pytest.raises(ValueError, match="uint8, uint16 or float32"):
+        save_scan(Scan(VOLUME + 1, SPACING, large), tmp_path / "bag.tif")
+    assert {file: file.read_bytes() for file in tmp_path.iterdir()} == before
 
 
 def test_what_cannot_be_written_is_named_and_leaves_nothing(tmp_path: Path) -> None:

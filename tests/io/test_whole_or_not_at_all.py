@@ -316,6 +316,47 @@ def test_the_disk_has_the_data_before_the_name_is_taken_and_the_name_after(
     assert done == [*inside, "renamed", here]
 
 
+def test_a_folder_that_cannot_be_stored_on_demand_makes_no_save_fail(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened = os.open
+
+    def refused(path: Any, *given: Any, **options: Any) -> int:
+        if Path(path) == tmp_path:
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return opened(path, *given, **options)
+
+    # As of a folder that one may write into and not look into, which stops no test run by root.
+    monkeypatch.setattr(os, "open", refused)
+    save(tmp_path / "a.txt", "new")
+    save_folder(tmp_path / "bag", "new")
+    with monkeypatch.context() as patch:
+        # Where names cannot be exchanged.
+        patch.setattr(sys, "platform", "darwin")
+        save_folder(tmp_path / "bag", "newer")
+    assert (tmp_path / "a.txt").read_text() == "new"
+    assert (tmp_path / "bag" / "a.txt").read_text() == "newer"
+
+
+@pytest.mark.skipif(not Path("/proc/self/ns/pid").is_symlink(), reason="containers are of Linux")
+def test_a_process_of_another_container_is_not_taken_for_one_that_was_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    with monkeypatch.context() as patch:
+        # One that lives there has a number that is nobody's here.
+        patch.setattr(os, "getpid", lambda: ended.pid)
+        patch.setattr(os, "readlink", lambda _: "pid:[1]")
+        writing = written_atomically(tmp_path / "a.txt")
+        temporary = writing.__enter__()
+    temporary.write_text("of an hour")
+    save(tmp_path / "b.txt", "new")
+    writing.__exit__(None, None, None)
+    assert (tmp_path / "a.txt").read_text() == "of an hour"
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["a.txt", "b.txt"]
+
+
 def test_a_file_stays_its_owners(tmp_path: Path) -> None:
     path, owner = tmp_path / "a.txt", os.geteuid()
     save(path, "old")

@@ -10,18 +10,22 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from napari_unpack.batches.run_settings import OWN_FILES, SCANS, is_run
 from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import Spacing, checked_spacing
-from napari_unpack.io.volumes import DICOM_SUFFIXES, READABLE, stem_of, suffix_of
+from napari_unpack.io.volumes import DICOM_SUFFIXES, READABLE, printable, stem_of, suffix_of
 
 TABLES = (".csv", ".parquet")
 
 LABELS = ".labels"
 """Ends the stem of a file with the labels of the volume beside it, as `save_scan` writes them."""
+
+_WHOLE = frozenset(READABLE) - set(DICOM_SUFFIXES)
+"""Suffixes of files that hold a volume each."""
 
 _ZARR_MARKS = ("zarr.json", ".zgroup", ".zarray")
 
@@ -47,6 +51,11 @@ class ScanInput:
     labels: Path | None = None
     spacing: Spacing | None = None
 
+    @property
+    def source(self) -> str:
+        """Where its volume is, to be read."""
+        return printable(str(self.volume))
+
 
 def find_inputs(asked: Iterable[str | Path]) -> list[ScanInput]:
     """Return the scans that are meant, in order, each once.
@@ -54,7 +63,7 @@ def find_inputs(asked: Iterable[str | Path]) -> list[ScanInput]:
     Parameters
     ----------
     asked : iterable of str or Path
-        Files; folders, of which everything readable is taken (a folder of DICOM files is one
+        Files; folders, of which everything readable is taken (the DICOM files of a folder are one
         scan); patterns such as ``scans/*.npz``; tables (.csv, .parquet) with a column `volume` and
         perhaps `labels`, `spacing` ("z y x" in mm) and `name`. Paths in a table start from it.
         Results of a run are left out, unless nothing else is named.
@@ -116,7 +125,7 @@ def _place(path: Path) -> tuple[str, str]:
 def _scans(path: Path) -> Iterator[ScanInput]:
     if suffix_of(path) in TABLES and path.is_file():
         yield from _listed(path)
-    elif path.is_dir() and not _is_volume(path):
+    elif path.is_dir() and not _is_zarr(path):
         yield from map(_scan, _inside(path, frozenset()))
     else:
         yield _scan(path)
@@ -124,7 +133,8 @@ def _scans(path: Path) -> Iterator[ScanInput]:
 
 def _scan(path: Path) -> ScanInput:
     beside = path.with_name(f"{stem_of(path)}{LABELS}{suffix_of(path)}")
-    return ScanInput(path, stem_of(path) or path.name, beside if beside.exists() else None)
+    name = printable(stem_of(path) or path.name)
+    return ScanInput(path, name, beside if beside.exists() else None)
 
 
 def _inside(folder: Path, above: frozenset[Path]) -> Iterator[Path]:
@@ -134,27 +144,34 @@ def _inside(folder: Path, above: frozenset[Path]) -> Iterator[Path]:
     if real in above:
         return
     entries = sorted(folder.iterdir())
-    files = [e for e in entries if e.is_file() and suffix_of(e) in READABLE]
-    yield from _without_labels(files)
+    files = [e for e in entries if e.is_file()]
+    yield from _without_labels([f for f in files if suffix_of(f) in _WHOLE])
+    below: list[Path] = []
     for entry in entries:
         # What starts with a point is hidden, or half written; results are no inputs.
         mine = is_run(entry) or (entry.name == SCANS and is_run(folder))
         if entry.is_dir() and not entry.name.startswith(".") and not mine:
-            yield from [entry] if _is_volume(entry) else _inside(entry, above | {real})
+            below += [entry] if _is_zarr(entry) else _inside(entry, above | {real})
+    slice_file = _a_slice(files)
+    if slice_file is not None:
+        # Of a folder the slices below it are read too, which are scans of their own here.
+        yield slice_file if any(suffix_of(p) not in _WHOLE for p in below) else folder
+    yield from below
 
 
-def _is_volume(folder: Path) -> bool:
-    """Tell whether a folder is one volume: a Zarr image, or slices of a DICOM series."""
-    if suffix_of(folder) == ".zarr" or any((folder / mark).exists() for mark in _ZARR_MARKS):
-        return True
-    files = (entry for entry in sorted(folder.iterdir()) if entry.is_file())
+def _is_zarr(folder: Path) -> bool:
+    return suffix_of(folder) == ".zarr" or any((folder / mark).exists() for mark in _ZARR_MARKS)
+
+
+def _a_slice(files: list[Path]) -> Path | None:
+    """Return a slice of a DICOM series among the files of a folder."""
+    named = (file for file in files if suffix_of(file) in DICOM_SUFFIXES)
     # The first few tell: a series has its slices together.
-    return any(_is_slice(file) for _, file in zip(range(20), files, strict=False))
+    unnamed = [f for f in files if suffix_of(f) not in READABLE and f.name != "DICOMDIR"][:20]
+    return next(chain(named, filter(_is_dicom, unnamed)), None)
 
 
-def _is_slice(file: Path) -> bool:
-    if suffix_of(file) in READABLE:
-        return suffix_of(file) in DICOM_SUFFIXES
+def _is_dicom(file: Path) -> bool:
     try:
         with file.open("rb") as stream:
             return stream.read(132)[128:] == b"DICM"
@@ -231,7 +248,9 @@ def _told_apart(scans: list[ScanInput]) -> list[ScanInput]:
     counts = Counter(scan.name.lower() for scan in scans)
     # Such as many patients' folders with a file of one name each.
     longer = [
-        replace(s, name=f"{s.volume.parent.name}-{s.name}") if counts[s.name.lower()] > 1 else s
+        replace(s, name=printable(f"{s.volume.parent.name}-{s.name}"))
+        if counts[s.name.lower()] > 1
+        else s
         for s in scans
     ]
     own, given, told = {scan.name.lower() for scan in longer}, set[str](), []

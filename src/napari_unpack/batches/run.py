@@ -232,7 +232,7 @@ def _lost(scan: ScanInput, error: BaseException) -> ScanResult:
     reason = " ".join(f"{type(error).__name__}: {error}".split())
     if isinstance(error, KilledWorker):
         reason = "its worker ended again and again, most likely as its memory was used up"
-    return ScanResult(scan.name, str(scan.volume), "failed", reason)
+    return ScanResult(scan.name, scan.source, "failed", reason)
 
 
 def _remove_replaced(folder: Path, results: Sequence[ScanResult]) -> None:

@@ -28,7 +28,7 @@ from napari_unpack.batches.run_settings import SCANS, Settings, identity, identi
 from napari_unpack.file_sizes import stored_size
 from napari_unpack.io.headless import open_scan, unpack_in_order
 from napari_unpack.io.scan import Scan
-from napari_unpack.io.volumes import load_labels, load_volume
+from napari_unpack.io.volumes import load_labels, load_volume, printable
 
 if TYPE_CHECKING:
     from napari_unpack.session import Session
@@ -75,7 +75,7 @@ def work_on(scan: ScanInput, place: Place, known: Mapping[str, str]) -> ScanResu
         # One bad file may stop nobody: its reason goes into the report.
         plain = isinstance(error, ValueError | OSError | ImportError)
         reason = str(error) if plain else f"{type(error).__name__}: {error}"
-        found = ScanResult(scan.name, str(scan.volume), "failed", " ".join(reason.split()))
+        found = ScanResult(scan.name, scan.source, "failed", printable(" ".join(reason.split())))
     return found if found.status == "kept" else replace(found, seconds=perf_counter() - start)
 
 
@@ -87,7 +87,7 @@ def _worked(scan: ScanInput, place: Place, known: Mapping[str, str]) -> ScanResu
     before = read_result(place.output / known[key]) if key in known else None
     if before is not None and before.identity == key:
         # It may have been done under another name, or from another place.
-        return replace(before, scan=scan.name, source=str(scan.volume), status="kept")
+        return replace(before, scan=scan.name, source=scan.source, status="kept")
     start = perf_counter()
     folder = Path(SCANS) / folder_name(scan.name, key)
     target = place.output / folder
@@ -108,12 +108,12 @@ def _worked(scan: ScanInput, place: Place, known: Mapping[str, str]) -> ScanResu
         write_object_rows(session, blockers, scan.name, temporary / OBJECTS)
         found = ScanResult(
             scan.name,
-            str(scan.volume),
+            scan.source,
             "done",
             folder=folder.as_posix(),
             objects=len(session.ids),
             megabytes=stored_size(temporary) / 1e6,
-            notes=data.assumed,
+            notes=tuple(map(printable, data.assumed)),
             identity=key,
             settings=identity_of_settings(settings),
             seconds=perf_counter() - start,

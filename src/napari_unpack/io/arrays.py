@@ -55,8 +55,8 @@ def read_npz(path: Path, large: bool = False) -> FileData:
         check_one_shape(volume, labels, path)
     assumed = _sentences(arrays.get("assumed")) if "spacing" in arrays else (NO_VOXEL_SIZE,)
     spacing = checked_spacing(arrays.get("spacing", np.ones(3)), path)
-    place = arrays.get("scanner_from_scan")
-    return FileData(volume, SPACE, spacing, labels, assumed, checked_place(place, path))
+    place = checked_place(arrays.get("scanner_from_scan"), path)
+    return FileData(volume, SPACE, spacing, labels, assumed, place, volume is not None)
 
 
 def _sentences(told: NDArray[Any] | None) -> tuple[str, ...]:

@@ -184,8 +184,10 @@ def read_dicom(path: Path, large: bool = False) -> FileData:
 def _headers(pydicom: Any, path: Path, assumed: list[str]) -> list[tuple[Path, Any]]:
     if path.is_dir():
         return _series(pydicom, sorted(p for p in path.rglob("*") if p.is_file()), path, assumed)
+    alone = _header(pydicom, path)
     # Forced: some DICOS files have no preamble, and this one was named by the user.
-    alone = _header(pydicom, path, force=True)
+    forced = alone is None
+    alone = _header(pydicom, path, force=True) if forced else alone
     if alone is None or "Rows" not in alone:
         raise ValueError(f"{path} is not a readable DICOM or DICOS image")
     if _is_segmentation(alone):
@@ -195,7 +197,7 @@ def _headers(pydicom: Any, path: Path, assumed: list[str]) -> list[tuple[Path, A
     if int(alone.get("NumberOfFrames") or 1) > 1:
         return [(path, alone)]
     beside = sorted(p for p in path.parent.iterdir() if p.is_file())
-    return _series(pydicom, beside, path, assumed, alone.get("SeriesInstanceUID"))
+    return _series(pydicom, beside, path, assumed, alone, forced)
 
 
 def _header(pydicom: Any, path: Path, force: bool = False) -> Any:
@@ -206,13 +208,18 @@ def _header(pydicom: Any, path: Path, force: bool = False) -> Any:
 
 
 def _series(
-    pydicom: Any, files: list[Path], source: Path, assumed: list[str], wanted: Any = None
+    pydicom: Any,
+    files: list[Path],
+    source: Path,
+    assumed: list[str],
+    named: Any = None,
+    forced: bool = False,
 ) -> list[tuple[Path, Any]]:
     found: dict[Any, list[tuple[Path, Any]]] = {}
     segmentations, coloured = [], []
     for file in files:
-        # Not forced: a folder also holds text files and thumbnails.
-        header = _header(pydicom, file)
+        # Forced only as the named one was: a folder also holds text files and thumbnails.
+        header = _header(pydicom, file, forced)
         if header is None or "Rows" not in header:
             continue
         if _is_segmentation(header):
@@ -234,8 +241,8 @@ def _series(
         names = ", ".join(file.name for file in coloured[:3])
         assumed.append(f"it holds {len(coloured)} image(s) in colours ({names}): left out")
     # The user named a file: its series is meant, even if another has more slices.
-    if wanted in found:
-        return found[wanted]
+    if named is not None:
+        return found[named.get("SeriesInstanceUID")]
     if len(found) > 1:
         sizes = sorted(map(len, found.values()), reverse=True)
         assumed.append(

@@ -16,6 +16,8 @@ SPACE = "zyx"
 
 NO_VOXEL_SIZE = "it gives no voxel size: 1 mm was assumed"
 
+LABELS_LEFT_OUT = "its labels have another shape than its volume: they were left out"
+
 NO_UNIT = "it names no unit of length: mm was assumed"
 
 # What an axis that is none of space is called in messages, by its letter.
@@ -56,6 +58,8 @@ class FileData:
     scanner_from_scan : (4, 4) ndarray of float64, optional
         From mm along the axes z, y, x to the scanner's mm x to the left, y to the back, z to the
         head, where the file says where the scan lies.
+    is_density : bool
+        The file itself says that its volume is no labels.
     """
 
     volume: NDArray[Any] | None
@@ -64,6 +68,7 @@ class FileData:
     labels: NDArray[Any] | None = None
     assumed: tuple[str, ...] = ()
     scanner_from_scan: Matrix | None = None
+    is_density: bool = False
 
     def one_volume(self, at: Mapping[str, int], source: object) -> FileData:
         """Return data whose volume has the axes z, y, x.

@@ -22,7 +22,12 @@ from napari_unpack.io.itk_fields import HeaderFields, fields_of
 from napari_unpack.io.itk_header import stored_as
 from napari_unpack.io.nifti import check_nifti, planes_not_finite, refuse_nifti_2
 from napari_unpack.io.optional import needed
-from napari_unpack.io.scan import Spacing, checked_spacing, checked_volume_array
+from napari_unpack.io.scan import (
+    SCANNER_FROM_SCAN,
+    Spacing,
+    checked_spacing,
+    checked_volume_array,
+)
 from napari_unpack.io.volumes import suffix_of
 
 ORIENTATION = "LPI"
@@ -109,7 +114,7 @@ def read_itk(path: Path, large: bool = False) -> FileData:
     assumed = fields.assumed
     if not _at_right_angles(np.reshape(image.GetDirection(), (3, 3))):
         assumed += ("its axes are not at right angles: it is shown as if they were",)
-    # Plain arrays, as of this package, say nothing of a patient: they are not turned.
+    # Plain arrays, as this package wrote them once, say nothing of a patient: they are not turned.
     if not np.allclose(image.GetDirection(), np.eye(3).ravel()):
         image = sitk.DICOMOrient(image, ORIENTATION)
     array = checked_volume_array(sitk.GetArrayFromImage(image), path)
@@ -160,7 +165,7 @@ def write_itk(
         Densities or labels.
     spacing : (float, float, float) of mm, z y x
     scanner_from_scan : (4, 4) ndarray of float64, optional
-        As in a `Scan`; without it the file says nothing of a patient.
+        As in a `Scan`; without it the scan lies as napari draws it, as its surfaces do.
 
     Raises
     ------
@@ -179,9 +184,10 @@ def write_itk(
     except (TypeError, KeyError) as error:
         raise ValueError(f"{path.name} cannot hold {array.dtype} numbers; write .npz") from error
     image.SetSpacing(spacing[::-1])
-    if scanner_from_scan is not None:
-        image.SetOrigin(scanner_from_scan[:3, 3].tolist())
-        image.SetDirection(scanner_from_scan[:3, 2::-1].ravel().tolist())
+    # No directions would be those of another, mirrored scan.
+    place = SCANNER_FROM_SCAN if scanner_from_scan is None else scanner_from_scan
+    image.SetOrigin(place[:3, 3].tolist())
+    image.SetDirection(place[:3, 2::-1].ravel().tolist())
     with written_atomically(path, lambda file: _check_written(sitk, file, array)) as temporary:
         try:
             sitk.WriteImage(image, str(temporary), useCompression=True)

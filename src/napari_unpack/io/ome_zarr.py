@@ -16,7 +16,14 @@ from numpy.typing import DTypeLike, NDArray
 from napari_unpack.atomic import holds_only
 from napari_unpack.file_sizes import TooLargeError, check_size, stored_size
 from napari_unpack.geometry.axes import Matrix
-from napari_unpack.io.file_data import NO_UNIT, NO_VOXEL_SIZE, SPACE, FileData, in_millimetres
+from napari_unpack.io.file_data import (
+    LABELS_LEFT_OUT,
+    NO_UNIT,
+    NO_VOXEL_SIZE,
+    SPACE,
+    FileData,
+    in_millimetres,
+)
 from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import (
     Spacing,
@@ -36,7 +43,7 @@ SMALLEST_LEVEL = 128
 def read_zarr(path: Path, large: bool = False) -> FileData:
     """Read the finest level of a multiscale image, and its first label image if it has one.
 
-    Labels of another shape than the volume's are left out.
+    Labels of another shape than the volume's are left out, which is told.
 
     Parameters
     ----------
@@ -61,8 +68,12 @@ def read_zarr(path: Path, large: bool = False) -> FileData:
     lengths = dict(zip(found.axes, found.volume.shape, strict=True))
     # Labels of a coarser level cannot be laid over the volume.
     if labels is not None and labels.shape != tuple(lengths.get(axis) for axis in SPACE):
-        labels = None
+        return _without_labels(found)
     return replace(found, labels=labels)
+
+
+def _without_labels(found: FileData) -> FileData:
+    return replace(found, assumed=(*found.assumed, LABELS_LEFT_OUT), is_density=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,8 +119,9 @@ def stored_levels(path: Path) -> StoredLevels | None:
     names = list(_label_names(node))
     labels = _levels(node["labels"][names[0]]) if names else []
     finest = image[0].shape[-len(SPACE) :]
-    fit = labels and labels[0].shape == finest and holds_ids(labels[0])
-    return StoredLevels(described, image, labels if fit else [])
+    if labels and labels[0].shape != finest:
+        return StoredLevels(_without_labels(described), image, [])
+    return StoredLevels(described, image, labels if labels and holds_ids(labels[0]) else [])
 
 
 def _levels(node: Any) -> list[Any]:

@@ -101,6 +101,7 @@ class UnsavedCopy:
         from napari_unpack.io.sessions import manifest_of, written
 
         with self._turn:
+            self._begin_anew_where_gone()
             if self._labels is not session.labels:
                 self._write_arrays(session, told)
             manifest = manifest_of(session, standing) | self._arrays
@@ -113,6 +114,7 @@ class UnsavedCopy:
     def forget(self) -> None:
         """Keep nothing to recover, since it is saved; arrays stay, to be used again."""
         with self._turn:
+            self._begin_anew_where_gone()
             if self._folder is not None:
                 (self._latest / MANIFEST).unlink(missing_ok=True)
                 self._remove_earlier()
@@ -138,6 +140,10 @@ class UnsavedCopy:
         assert self._folder is not None, "there is a folder"
         return self._folder / str(self._count)
 
+    def _begin_anew_where_gone(self) -> None:
+        if self._folder is not None and not self._latest.is_dir():
+            self.close()
+
     def _remove_earlier(self) -> None:
         """Remove all states of the labels but the latest: several, where a manifest failed."""
         assert self._folder is not None, "there is a folder"
@@ -150,11 +156,13 @@ class UnsavedCopy:
 
         volume, labels = session.volume, session.labels
         self._home.mkdir(mode=0o700, parents=True, exist_ok=True)
-        self._make_room(volume.nbytes + labels.nbytes)
+        if self._folder is None:
+            self._count, self._arrays = 0, {}
+        # The volume is written once, and linked to from then on.
+        self._make_room(labels.nbytes + (0 if self._arrays else volume.nbytes))
         if self._folder is None:
             self._folder = Path(tempfile.mkdtemp(prefix=f"{os.getpid()}-", dir=self._home))
             self._lock = locked(self._folder)
-            self._count, self._arrays = 0, {}
         new = self._folder / str(self._count + 1)
         try:
             new.mkdir()
@@ -304,4 +312,6 @@ def _written_array(folder: Path, name: str, array: NDArray[Any], told: Told) -> 
 
 
 def _size(folder: Path) -> int:
-    return sum(file.lstat().st_size for file in folder.rglob("*") if file.is_file())
+    found = (file.lstat() for file in folder.rglob("*") if file.is_file())
+    # Once each: states of one bag share its volume by links.
+    return sum({one.st_ino: one.st_size for one in found}.values())

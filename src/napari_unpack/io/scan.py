@@ -13,6 +13,13 @@ from napari_unpack.geometry import axes
 
 Spacing = tuple[float, float, float]
 
+# From axes z y x of the scan, as napari draws them, to x to the left, y to the back and z to the
+# head of who lies on the table: what scanners and 3D Slicer count in, and no mirror image.
+# Where the file does not say how its scan lies.
+SCANNER_FROM_SCAN = np.array(
+    [[0.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+)
+
 
 @dataclass(frozen=True, eq=False)
 class Scan:

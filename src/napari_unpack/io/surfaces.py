@@ -23,6 +23,7 @@ from napari_unpack.atomic import (
 )
 from napari_unpack.geometry.axes import Matrix, transform_points
 from napari_unpack.io.optional import needed
+from napari_unpack.io.scan import SCANNER_FROM_SCAN
 from napari_unpack.session.validation import checked_ids
 from napari_unpack.tasks import SILENT, Progress, Share, attended, no_progress, relayed
 
@@ -59,13 +60,6 @@ STL_HEADER_BYTES = 84
 # No voxel of a blurred mask is nearer to the level: there the surface's points on several edges
 # would be one to float32, in bags of up to 2,000 voxels, and slabs could not tell them apart.
 NEAR = 0.0001
-
-# From axes z y x of the scan, as napari draws them, to x to the left, y to the back and z to the
-# head of who lies on the table: what scanners and 3D Slicer count in, and no mirror image.
-# Where the file does not say how its scan lies.
-SCANNER_FROM_SCAN = np.array(
-    [[0.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
-)
 
 # glTF counts in metres.
 METRES_PER_MM = 0.001

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -34,6 +35,11 @@ def suffix_of(path: Path) -> str:
 def stem_of(path: Path) -> str:
     """Return the file's name without the format's suffix."""
     return path.name[: len(path.name) - len(suffix_of(path))]
+
+
+def printable(text: str) -> str:
+    """Return a text that files and terminals take: names of files may hold what is no UTF-8."""
+    return text.encode("utf-8", "replace").decode()
 
 
 def load_volume(path: str | Path, at: Mapping[str, int] | None = None, large: bool = False) -> Scan:
@@ -68,7 +74,7 @@ def load_volume(path: str | Path, at: Mapping[str, int] | None = None, large: bo
         found.volume,
         found.spacing,
         found.labels,
-        stem_of(file),
+        printable(stem_of(file)),
         names,
         found.assumed,
         found.scanner_from_scan,
@@ -88,9 +94,12 @@ def load_labels(path: str | Path, large: bool = False) -> tuple[NDArray[Any], Sp
     Raises
     ------
     FileNotFoundError, ValueError, ImportError
-        As for `load_volume`, and if it holds no whole numbers.
+        As for `load_volume`, if it holds no whole numbers, and if it is an .npz or OME-Zarr of a
+        volume without labels of its shape.
     """
     found = read_file(path, large)
+    if found.labels is None and found.is_density:
+        raise ValueError(f"{path} holds a volume without labels that fit it: name a file of labels")
     array = found.labels if found.labels is not None else found.one_volume({}, path).volume
     assert array is not None, "every reader gives one of them"
     return checked_label_array(array, path), found.spacing
@@ -105,7 +114,8 @@ def save_scan(scan: Scan, path: str | Path) -> list[Path]:
         What to save.
     path : str or Path
         .npz holds all of it; .nii, .nii.gz, .mha, .nrrd and .tif hold the volume, and the
-        labels go into a file of their own beside it, `NAME.labels.SUFFIX`.
+        labels go into a file of their own beside it, `NAME.labels.SUFFIX`. IDs up to 65,535 are
+        written as uint16, or uint8 where they are such.
 
     Raises
     ------
@@ -117,6 +127,7 @@ def save_scan(scan: Scan, path: str | Path) -> list[Path]:
         If the format needs a package that is not installed.
     """
     check_scan(scan)
+    scan = scan if scan.labels is None else replace(scan, labels=_narrow(scan.labels))
     file = Path(path)
     suffix = suffix_of(file)
     if suffix == ".npz":
@@ -124,12 +135,28 @@ def save_scan(scan: Scan, path: str | Path) -> list[Path]:
         return saved_files(file)
     if suffix not in WRITABLE:
         raise ValueError(f"{path}: can write {', '.join(WRITABLE)}, not {suffix or 'no suffix'!r}")
-    _write(file, scan.volume, scan)
     if scan.labels is None:
+        _write(file, scan.volume, scan)
         return [file]
     file, beside = saved_files(file)
+    # Before the volume takes the place of one that has labels.
+    _try(beside, scan.labels)
+    _write(file, scan.volume, scan)
     _write(beside, scan.labels, scan)
     return [file, beside]
+
+
+def _narrow(labels: NDArray[Any]) -> NDArray[Any]:
+    # TIFF takes no wider ones, and every format takes these.
+    fits = np.can_cast(labels.dtype, np.uint16) or labels.max() >= 2**16
+    return labels if fits else labels.astype(np.uint16)
+
+
+def _try(file: Path, array: NDArray[Any]) -> None:
+    """Write eight voxels elsewhere: no list of types can fall behind what the writers take."""
+    with TemporaryDirectory() as folder:
+        corner = np.resize(array[:1, :1, :1], (2, 2, 2))
+        save_scan(Scan(corner, (1.0, 1.0, 1.0)), Path(folder) / file.name)
 
 
 def saved_files(path: Path) -> list[Path]:
@@ -160,10 +187,7 @@ def check_savable(path: str | Path, volume: NDArray[Any]) -> None:
     """
     file = Path(path)
     check_writable(file)
-    # Tried on eight voxels: no list of types can fall behind what the writers take.
-    with TemporaryDirectory() as folder:
-        corner = np.resize(volume[:1, :1, :1], (2, 2, 2))
-        save_scan(Scan(corner, (1.0, 1.0, 1.0)), Path(folder) / f"try{suffix_of(file)}")
+    _try(file, volume)
     # TIFF is not compressed, and has labels of two bytes beside it. CT deflates to a half or a
     # third; an eighth is refused to nobody who might have enough.
     needed = volume.nbytes + 2 * volume.size
