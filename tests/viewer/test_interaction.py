@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from threading import Event
 from time import monotonic
 
 import numpy as np
@@ -14,7 +15,9 @@ from mouse import LEFT, drag, move
 from napari_unpack.geometry.view import View
 from napari_unpack.layers import compat
 from napari_unpack.session import ObjectState
+from napari_unpack.tasks import Task
 from napari_unpack.viewer.controller import SessionController
+from napari_unpack.viewer.scheduler import Worker
 from opened_panel import at_rest
 from viewer_fixtures import canvas
 
@@ -301,6 +304,29 @@ def test_a_rubber_band_selects_what_it_encloses_in_a_slice(sliced, session, qtbo
     labels.mode = "paint"
     drag(widget, at(1, 1), at(30, 46) - at(1, 1), qtbot, CONTROL)
     assert session.selected == frozenset()
+
+
+def test_a_click_made_while_a_rubber_band_is_worked_out_counts(staged, session, qtbot) -> None:
+    viewer, controller = staged
+    widget, busy = native(viewer), Event()
+    controller.scheduler.submit(Task("busy", lambda _: busy.wait(20)), Worker.BACKGROUND, print)
+    # It holds the whole window, and so all that is seen.
+    everything = QPoint(widget.width() - 5, widget.height() - 5)
+    drag(widget, QPoint(2, 2), everything, qtbot, CONTROL)
+    controller.interaction.select(3)
+    busy.set()
+    assert controller.settle(30)
+    assert session.selected == {3}
+
+
+def test_an_object_that_is_renamed_under_the_mouse_is_named_so_at_its_next_movement(
+    staged, session
+) -> None:
+    viewer, controller = staged
+    controller.interaction.point_at(2)
+    session.rename(2, "Kettle")
+    controller.interaction.point_at(2)
+    assert viewer.status.startswith("Kettle")
 
 
 def test_the_status_bar_names_what_is_under_the_mouse_now(

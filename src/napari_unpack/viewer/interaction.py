@@ -65,6 +65,8 @@ class Interaction:
         self._tool: ClickTool | None = None
         self._target = target
         self._pointed = 0
+        # None once its name may be another.
+        self._named: int | None = 0
         self._clicked: tuple[Pixel | None, int] = None, 0
         self._theirs = list(target.viewer.mouse_double_click_callbacks)
         self._put_status_back: Callable[[], None] = lambda: None
@@ -159,9 +161,9 @@ class Interaction:
     def point_at(self, object_id: int) -> None:
         """Show which object the mouse is on, 0 for none."""
         # Every movement of the mouse comes here.
-        if object_id == self._pointed:
+        if object_id == self._named:
             return
-        self._pointed = object_id
+        self._pointed = self._named = object_id
         target, session = self._target, self._target.session
         words = describe(session, object_id) if object_id else ""
         for layer in target.layers:
@@ -171,6 +173,10 @@ class Interaction:
         self._show_name(hint(session, object_id) if object_id else "")
         target.overlays.ghost.point_at(0 if target.renderer.inspected else object_id)
         self.selection_changed()
+
+    def states_changed(self) -> None:
+        """Name what the mouse is on anew when it moves next: it may have been renamed."""
+        self._named = None
 
     def select(self, object_id: int, modifiers: Collection[str] = ()) -> None:
         """Select an object, or add it to what is selected.

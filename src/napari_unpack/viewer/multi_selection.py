@@ -106,12 +106,19 @@ class RubberBand:
         session.select(session.selected | found)
         if not target.renderer.packed.visible:
             return
+        before = session.selected
+
+        def add(ids: frozenset[int]) -> None:
+            # A click since then counts, not what was to be selected before it.
+            if session.selected == before:
+                session.select(before | (ids & set(session.ids)))
+
         scene, rays = session.scene(), session.ray_queries
         packed = ids_in(session.states, ObjectState.PACKED)
         target.scheduler.submit(
             Task("rubber band", lambda _: enclosed(scene, rays, packed, frame, low, high)),
             Worker.BACKGROUND,
-            lambda ids: session.select(session.selected | (ids & set(session.ids))),
+            add,
         )
 
     def quads_at(self, frame: Frame) -> Sequence[Quad]:

@@ -240,7 +240,9 @@ class SceneRenderer:
         """End a flight."""
         flight = self.session.flights.get(object_id)
         if flight is not None:
-            self.animator.landed(object_id, None if flight.back else flight.target)
+            # Where nothing is drawn, nothing is waited for.
+            if self.frame is not None:
+                self.animator.landed(object_id, None if flight.back else flight.target)
             self.session.land(object_id)
             self._landed(object_id)
 
