@@ -319,6 +319,25 @@ def test_a_click_made_while_a_rubber_band_is_worked_out_counts(staged, session, 
     assert session.selected == {3}
 
 
+def test_in_napari_s_grid_the_mouse_is_on_what_is_seen_there(staged, session) -> None:
+    viewer, controller = staged
+    controller.recolor_at_rest = False
+    (out,) = controller.unpack(1)
+    controller.finish()
+    # Its lines lie in a view of their own, beside what they are of.
+    controller.transition.visible = False
+    viewer.canvas.grid.enabled = True
+    assert controller.settle(30)
+    picture = canvas(viewer)
+    places = [(r, c) for r in range(4, len(picture), 8) for c in range(4, picture.shape[1], 8)]
+    bright = {p for p in places if picture[p].max() > 70}
+    named = {p: controller.interaction.under(np.array(p, float)) for p in places}
+    assert [p for p in bright if not named[p]] == []
+    # Around the picture are a few dark pixels of objects, and each sprite has a margin.
+    assert sum(bool(named[p]) for p in places if p not in bright) < len(bright) / 4
+    assert set(named.values()) >= {0, out}
+
+
 def test_an_object_that_is_renamed_under_the_mouse_is_named_so_at_its_next_movement(
     staged, session
 ) -> None:

@@ -74,7 +74,8 @@ class QuadsAdapter(PictureAdapter):
             return None
         whole = matrix_of(self.node.get_transform("scene", "render"))
         size = max(1, round(view.size[1] * scale)), max(1, round(view.size[0] * scale))
-        return Frame(camera, size, clip_from_pivot(whole @ scene_from_world, camera))
+        corner = float(view.pos[1]) * scale, float(view.pos[0]) * scale
+        return Frame(camera, size, clip_from_pivot(whole @ scene_from_world, camera), corner)
 
     def _slice_quads(self) -> Sequence[Quad]:
         if len(self.displayed) != 2:

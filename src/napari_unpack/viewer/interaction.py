@@ -122,17 +122,18 @@ class Interaction:
 
     def frame_pixel(self, pixel: Pixel) -> tuple[float, float]:
         """Return the frame's pixel (row, column) of one of the canvas."""
-        height, width = self._target.viewer.canvas.size
-        frame = self._frame
-        rows, cols = (height, width) if frame is None else frame.size
-        return (
-            float((pixel[0] + 0.5) * rows / height - 0.5),
-            float((pixel[1] + 0.5) * cols / width - 0.5),
-        )
+        return self._pixel_in(self._frame, pixel)
+
+    def _pixel_in(self, frame: Frame | None, pixel: Pixel) -> tuple[float, float]:
+        corner = np.zeros(2) if frame is None else np.array(frame.corner)
+        row, col = (pixel + 0.5) * compat.pixel_scale(self._target.viewer) - 0.5 - corner
+        return float(row), float(col)
 
     def sprite_at(self, pixel: Pixel) -> int:
         """Return the object whose sprite is at a pixel, 0 for none."""
-        return self._target.renderer.picker.sprite_at(*self.frame_pixel(pixel))
+        # In napari's grid they have a view of their own.
+        there = self._pixel_in(self._target.sprites.frame, pixel)
+        return self._target.renderer.picker.sprite_at(*there)
 
     def packed_at(self, pixel: Pixel) -> list[int]:
         """Return the packed objects at a pixel, the most visible first."""
@@ -206,8 +207,7 @@ class Interaction:
         pixels : (2,) ndarray of float64
             Rows down and columns to the right.
         """
-        frame = self._frame
-        scale = 1.0 if frame is None else frame.size[0] / self._target.viewer.canvas.size[0]
+        scale = compat.pixel_scale(self._target.viewer)
         self._target.renderer.held.move(object_id, scale * pixels)
 
     @property
@@ -215,7 +215,8 @@ class Interaction:
         return self._target.renderer.frame
 
     def _in_frame(self, pixel: Pixel) -> Pixel:
-        return np.array(self.frame_pixel(pixel))
+        # Of the layer that draws what is over the bag.
+        return np.array(self._pixel_in(self._target.transition.frame, pixel))
 
     def _show_name(self, words: str) -> None:
         canvas = compat.native_canvas(self._target.viewer)

@@ -103,11 +103,10 @@ class ScenePicker:
         row, col : float
             Of the frame.
         """
-        if self._renderer.frame is None or not self._renderer.sprites.visible:
+        frame, sprites = self._renderer.frame, self._renderer.sprites
+        if frame is None or not sprites.visible or not frame.holds(row, col):
             return 0
-        return self._renderer.sprites.at_pixel(
-            row, col, self._renderer.frame.size, self._renderer.frame.camera
-        )
+        return sprites.at_pixel(row, col, frame.size, frame.camera)
 
     def packed_at(self, row: float, col: float) -> list[int]:
         """Return the packed objects at a pixel, the most visible first.
@@ -118,9 +117,7 @@ class ScenePicker:
             Of the frame.
         """
         frame = self._renderer.frame
-        if frame is None or not self._renderer.packed.visible:
-            return []
-        if not (0 <= round(row) < frame.size[0] and 0 <= round(col) < frame.size[1]):
+        if frame is None or not self._renderer.packed.visible or not frame.holds(row, col):
             return []
         found = pick_packed(
             self._renderer.session.scene(),
