@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from threading import Event
 from time import monotonic
 
@@ -103,6 +104,23 @@ def test_a_sprite_is_never_carried_out_of_the_window(staged, session, qtbot) -> 
     # It can be taken hold of again, and carried back.
     drag(widget, QPoint(6, there.y()), QPoint(200, 0), qtbot, shift)
     qtbot.waitUntil(lambda: logical(controller, session.poses[out].center).x() > 190, timeout=20000)
+
+
+def test_a_sprite_that_a_script_has_brought_nearer_is_carried_at_its_depth(staged, session) -> None:
+    _, controller = staged
+    (out,) = controller.unpack(1)
+    controller.finish()
+    assert controller.settle(30)
+    pose = session.poses[out]
+    session.place(out, replace(pose, center=pose.center + np.array([15.0, 0.0, 0.0])))
+    before = session.poses[out].center
+    controller.interaction.move(out, np.array([4.0, 0.0]))
+    controller.renderer.held.moved(out)
+    after = session.poses[out].center
+    camera, (rows, _) = controller.frame.camera, controller.frame.size
+    # Without perspective a pixel is as large at every depth.
+    np.testing.assert_allclose(after - before, [0, 4 * camera.height / rows, 0], atol=1e-9)
+    assert after[0] == pytest.approx(15.0)
 
 
 def test_alt_clicks_at_one_place_step_through_all_objects_there(

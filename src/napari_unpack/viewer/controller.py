@@ -152,7 +152,7 @@ class SessionController:
         repaint, shows = self.transition.repaint, self.packed.shows
         self.overlays = Overlays(session, self.scheduler, repaint, shows)
         self.transition.overlays = self.overlays.quads_at
-        scale = self._pixel_scale
+        scale = self.pixel_scale
         self.names = SpriteNames(session, self.sprites, scale, repaint)
         self.rulers = RulerDrawing(self, scale, repaint)
         self.transition.slice_overlays = self.rulers.slice_quads_at
@@ -191,7 +191,7 @@ class SessionController:
     @property
     def flying(self) -> bool:
         """Whether anything is in the air."""
-        return self.renderer.flying
+        return self.renderer.animator.flying
 
     @property
     def inspected(self) -> int:
@@ -464,7 +464,8 @@ class SessionController:
             sleep(IDLE_SECONDS)
         return False
 
-    def _pixel_scale(self) -> float:
+    def pixel_scale(self) -> float:
+        """Return the device pixels of a logical pixel of the canvas."""
         return compat.pixel_scale(self.viewer)
 
     def _settled(self) -> bool:

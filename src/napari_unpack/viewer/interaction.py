@@ -126,7 +126,7 @@ class Interaction:
 
     def _pixel_in(self, frame: Frame | None, pixel: Pixel) -> tuple[float, float]:
         corner = np.zeros(2) if frame is None else np.array(frame.corner)
-        row, col = (pixel + 0.5) * compat.pixel_scale(self._target.viewer) - 0.5 - corner
+        row, col = (pixel + 0.5) * self._target.pixel_scale() - 0.5 - corner
         return float(row), float(col)
 
     def sprite_at(self, pixel: Pixel) -> int:
@@ -207,8 +207,7 @@ class Interaction:
         pixels : (2,) ndarray of float64
             Rows down and columns to the right.
         """
-        scale = compat.pixel_scale(self._target.viewer)
-        self._target.renderer.held.move(object_id, scale * pixels)
+        self._target.renderer.held.move(object_id, self._target.pixel_scale() * pixels)
 
     @property
     def _frame(self) -> Frame | None:
