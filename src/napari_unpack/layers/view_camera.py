@@ -42,7 +42,12 @@ class Frame:
         )
 
     def holds(self, row: float, col: float) -> bool:
-        """Return whether a pixel lies in it."""
+        """Return whether a pixel lies in it.
+
+        Parameters
+        ----------
+        row, col : float
+        """
         return 0 <= round(row) < self.size[0] and 0 <= round(col) < self.size[1]
 
 
