@@ -78,9 +78,6 @@ class ManualWorkers:
     def jobs(self, owner: Scheduler) -> list[Job]:
         return [j for j in [*(j for j, _ in self._running), *self._waiting] if j.owner is owner]
 
-    def waiting(self, owner: Scheduler) -> list[Job]:
-        return [job for job in self._waiting if job.owner is owner]
-
     def drop(self, job: Job) -> bool:
         waits = job in self._waiting
         if waits:

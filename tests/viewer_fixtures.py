@@ -88,7 +88,7 @@ def driver_that_draws(monkeypatch: pytest.MonkeyPatch) -> None:
     """Take the driver for one that survives shaders: each child would take a second."""
     from napari_unpack.viewer import driver_probe
 
-    monkeypatch.setattr(driver_probe, "tried", lambda: "")
+    monkeypatch.setattr(driver_probe, "tried", lambda _: "")
 
 
 @pytest.fixture(autouse=True)

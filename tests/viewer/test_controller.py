@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from napari_unpack.session import ObjectState, Session
@@ -166,6 +167,43 @@ def test_a_flight_survives_closing_the_window(make_napari_viewer_proxy, session,
     controller.close()
     assert not session.flights
     assert sum(s is ObjectState.UNPACKED for s in session.states.values()) == 2
+
+
+def test_a_controller_that_was_closed_is_not_opened_again(staged) -> None:
+    viewer, controller = staged
+    controller.close()
+    with pytest.raises(RuntimeError, match="make another"):
+        controller.open()
+    assert len(viewer.layers) == 0
+
+
+def test_a_controller_that_was_never_opened_leaves_its_session_as_it_is(
+    make_napari_viewer_proxy, session
+) -> None:
+    SessionController(make_napari_viewer_proxy(), session).close()
+    assert not session.queries.asks_at_rest
+
+
+def test_flights_end_in_a_viewer_that_is_not_shown(make_napari_viewer_proxy, session) -> None:
+    controller = SessionController(make_napari_viewer_proxy(show=False), session)
+    controller.seconds = 0.1
+    controller.open()
+    (out,) = controller.unpack(1)
+    controller.finish()
+    assert controller.settle(30)
+    assert session.states[out] is ObjectState.UNPACKED
+    controller.close()
+
+
+def test_a_users_column_of_ids_gives_way_to_our_own_in_what_is_duplicated_and_saved(
+    make_napari_viewer_proxy, bag
+) -> None:
+    theirs = pd.DataFrame({"id": [f"P-{i}" for i in range(1, 8)]}, index=range(1, 8))
+    session = Session(*bag, objects=theirs)
+    controller = SessionController(make_napari_viewer_proxy(), session)
+    _, state, kind = controller.packed.as_layer_data_tuple()
+    assert (kind, list(state["features"]["id"])) == ("points", [1, 2, 3, 4, 5, 6, 7])
+    assert session.objects.loc[3, "id"] == "P-3"
 
 
 def test_two_dimensions_and_a_tiny_window_break_nothing(staged, qtbot) -> None:

@@ -12,9 +12,10 @@ import pytest
 from OpenGL import platform
 
 from napari_unpack.rendering.gl import formats, offscreen, trial
+from napari_unpack.rendering.gl.trial import tried
 from napari_unpack.viewer import driver_probe, screen
 from napari_unpack.viewer.controller import SessionController
-from napari_unpack.viewer.driver_probe import probe_driver, tried
+from napari_unpack.viewer.driver_probe import CHILD, probe_driver
 from viewer_fixtures import canvas
 
 
@@ -25,7 +26,7 @@ from viewer_fixtures import canvas
         ("import os; os.abort()", "it ends the process with signal 6"),
         ("raise RuntimeError('no shaders')", "RuntimeError: no shaders"),
         ("pass", "it draws nothing"),
-        (driver_probe.CHILD, ""),
+        (CHILD, ""),
     ],
 )
 def test_a_child_tells_whether_a_driver_draws(child: str, reason: str) -> None:
@@ -66,7 +67,7 @@ def test_a_driver_without_float_textures_is_found_out_by_the_child(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("MESA_EXTENSION_OVERRIDE", "-GL_ARB_texture_float -GL_ARB_texture_rg")
-    reason = tried()
+    reason = tried(CHILD)
     if not reason:
         pytest.skip("this driver does not let its extensions be taken away")
     assert reason == "RuntimeError: it has no float textures and textures of one channel"
@@ -74,7 +75,7 @@ def test_a_driver_without_float_textures_is_found_out_by_the_child(
 
 def test_a_driver_is_tried_once(monkeypatch: pytest.MonkeyPatch) -> None:
     reasons = iter(("it draws nothing", ""))
-    monkeypatch.setattr(driver_probe, "tried", lambda: next(reasons))
+    monkeypatch.setattr(driver_probe, "tried", lambda _: next(reasons))
     scheduler: Any = SimpleNamespace(submit=lambda task, _, done: done(task.run(None)))
     told: list[str] = []
     for driver in ("card, 1.0", "card, 1.0", "card, 2.0", "card, 1.0"):
@@ -88,7 +89,7 @@ def test_the_processor_draws_where_the_child_did_not(
     _, controller = staged
     said: list[str] = []
     controller.events.message.connect(said.append)
-    monkeypatch.setattr(driver_probe, "tried", lambda: "it ends the process with signal 11")
+    monkeypatch.setattr(driver_probe, "tried", lambda _: "it ends the process with signal 11")
     for _ in range(2):
         controller.backend = "gl"
         assert controller.settle(30)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from threading import Event
 from time import monotonic
 
 import numpy as np
@@ -14,7 +16,9 @@ from mouse import LEFT, drag, move
 from napari_unpack.geometry.view import View
 from napari_unpack.layers import compat
 from napari_unpack.session import ObjectState
+from napari_unpack.tasks import Task
 from napari_unpack.viewer.controller import SessionController
+from napari_unpack.viewer.scheduler import Worker
 from opened_panel import at_rest
 from viewer_fixtures import canvas
 
@@ -100,6 +104,23 @@ def test_a_sprite_is_never_carried_out_of_the_window(staged, session, qtbot) -> 
     # It can be taken hold of again, and carried back.
     drag(widget, QPoint(6, there.y()), QPoint(200, 0), qtbot, shift)
     qtbot.waitUntil(lambda: logical(controller, session.poses[out].center).x() > 190, timeout=20000)
+
+
+def test_a_sprite_that_a_script_has_brought_nearer_is_carried_at_its_depth(staged, session) -> None:
+    _, controller = staged
+    (out,) = controller.unpack(1)
+    controller.finish()
+    assert controller.settle(30)
+    pose = session.poses[out]
+    session.place(out, replace(pose, center=pose.center + np.array([15.0, 0.0, 0.0])))
+    before = session.poses[out].center
+    controller.interaction.move(out, np.array([4.0, 0.0]))
+    controller.renderer.held.moved(out)
+    after = session.poses[out].center
+    camera, (rows, _) = controller.frame.camera, controller.frame.size
+    # Without perspective a pixel is as large at every depth.
+    np.testing.assert_allclose(after - before, [0, 4 * camera.height / rows, 0], atol=1e-9)
+    assert after[0] == pytest.approx(15.0)
 
 
 def test_alt_clicks_at_one_place_step_through_all_objects_there(
@@ -301,6 +322,48 @@ def test_a_rubber_band_selects_what_it_encloses_in_a_slice(sliced, session, qtbo
     labels.mode = "paint"
     drag(widget, at(1, 1), at(30, 46) - at(1, 1), qtbot, CONTROL)
     assert session.selected == frozenset()
+
+
+def test_a_click_made_while_a_rubber_band_is_worked_out_counts(staged, session, qtbot) -> None:
+    viewer, controller = staged
+    widget, busy = native(viewer), Event()
+    controller.scheduler.submit(Task("busy", lambda _: busy.wait(20)), Worker.BACKGROUND, print)
+    # It holds the whole window, and so all that is seen.
+    everything = QPoint(widget.width() - 5, widget.height() - 5)
+    drag(widget, QPoint(2, 2), everything, qtbot, CONTROL)
+    controller.interaction.select(3)
+    busy.set()
+    assert controller.settle(30)
+    assert session.selected == {3}
+
+
+def test_in_napari_s_grid_the_mouse_is_on_what_is_seen_there(staged, session) -> None:
+    viewer, controller = staged
+    controller.recolor_at_rest = False
+    (out,) = controller.unpack(1)
+    controller.finish()
+    # Its lines lie in a view of their own, beside what they are of.
+    controller.transition.visible = False
+    viewer.canvas.grid.enabled = True
+    assert controller.settle(30)
+    picture = canvas(viewer)
+    places = [(r, c) for r in range(4, len(picture), 8) for c in range(4, picture.shape[1], 8)]
+    bright = {p for p in places if picture[p].max() > 70}
+    named = {p: controller.interaction.under(np.array(p, float)) for p in places}
+    assert [p for p in bright if not named[p]] == []
+    # Around the picture are a few dark pixels of objects, and each sprite has a margin.
+    assert sum(bool(named[p]) for p in places if p not in bright) < len(bright) / 4
+    assert set(named.values()) >= {0, out}
+
+
+def test_an_object_that_is_renamed_under_the_mouse_is_named_so_at_its_next_movement(
+    staged, session
+) -> None:
+    viewer, controller = staged
+    controller.interaction.point_at(2)
+    session.rename(2, "Kettle")
+    controller.interaction.point_at(2)
+    assert viewer.status.startswith("Kettle")
 
 
 def test_the_status_bar_names_what_is_under_the_mouse_now(

@@ -84,3 +84,36 @@ def test_a_viewer_closed_while_a_command_waits_unpacks_nothing(session, monkeypa
     assert run_to(session, scheduler, 2, False, close) == 0
     assert session.steps == ()
     assert find_unpackable(session, ManualScheduler(), None, lambda _: None)
+
+
+def test_a_viewer_closed_while_what_leaves_is_measured_unpacks_nothing(
+    staged, session, monkeypatch
+) -> None:
+    _, controller = staged
+    closed, measured = Event(), type(session.bag).oriented
+    controller.events.closed.connect(closed.set)
+
+    def close(*arguments):
+        controller.scheduler.soon(controller.close)
+        assert closed.wait(20)
+        return measured(*arguments)
+
+    session.unpackable()
+    monkeypatch.setattr(type(session.bag), "oriented", close)
+    assert controller.unpack(session.ids) == ()
+    assert session.steps == ()
+
+
+def test_a_timeline_closed_while_what_leaves_is_measured_stays_where_it_is(
+    session, monkeypatch
+) -> None:
+    scheduler, measured = ManualScheduler(), type(session.bag).oriented
+
+    def close(*arguments):
+        scheduler.close()
+        return measured(*arguments)
+
+    session.unpackable()
+    monkeypatch.setattr(type(session.bag), "oriented", close)
+    assert run_to(session, scheduler, 2, False, lambda _: None) == 0
+    assert session.steps == ()

@@ -101,12 +101,17 @@ def test_results_come_in_the_order_in_which_tasks_were_finished(scheduler, qtbot
 
 def test_errors_go_to_the_task_s_own_handler_or_become_a_sentence(manual) -> None:
     told, errors = [], []
+
+    def fall_short(_) -> None:
+        raise MemoryError
+
     inner = manual.scope(told.append)
     inner.submit(Task("a", lambda _: 1 / 0), Worker.LONG, print, failed=errors.append)
     inner.submit(Task("b", lambda _: 1 / 0), Worker.QUERY, print)
+    inner.submit(Task("c", fall_short), Worker.QUERY, print)
     manual.finish_tasks()
     assert [type(e) for e in errors] == [ZeroDivisionError]
-    assert told == ["b: division by zero"]
+    assert told == ["division by zero", "MemoryError"]
 
 
 def test_progress_is_heard_on_the_main_thread_and_the_last_report_always(scheduler, qtbot) -> None:
@@ -176,25 +181,29 @@ def test_a_closed_scope_gets_nothing_and_the_others_go_on(manual) -> None:
 
 
 def test_a_task_that_runs_on_for_a_closed_scope_holds_nothing_up(scheduler, qtbot) -> None:
-    found, began, end = [], threading.Event(), threading.Event()
+    found, ran, began, end = [], [], threading.Event(), threading.Event()
     before, after = scheduler.scope(), scheduler.scope()
     before.submit(Task("a", lambda _: (began.set(), end.wait(20))), Worker.QUERY, found.append)
     assert began.wait(10)
+    before.submit(Task("b", ran.append), Worker.QUERY, found.append)
+    after.submit(constant("a", 1), Worker.QUERY, found.append)
     before.close()
-    after.submit(constant("a", 2), Worker.QUERY, found.append)
     try:
-        qtbot.waitUntil(lambda: found == [2], timeout=10_000)
+        qtbot.waitUntil(lambda: found == [1], timeout=10_000)
+        after.submit(constant("a", 2), Worker.QUERY, found.append)
+        qtbot.waitUntil(lambda: found == [1, 2], timeout=10_000)
     finally:
         end.set()
+    assert ran == []
 
 
 def test_a_task_that_begins_while_it_is_cancelled_is_delivered_once(manual) -> None:
     results, errors = [], []
     manual.submit(constant("a", 1), Worker.LONG, results.append, failed=errors.append)
-    waiting = manual.workers.waiting(manual)
+    seen = manual.workers.jobs(manual)
     manual.workers.start(Worker.LONG, "a")
     # As it was when a thread took the task between the look and the cancelling.
-    manual.workers.waiting = lambda _: waiting
+    manual.workers.jobs = lambda _: seen
     manual.cancel("a")
     manual.workers.finish(Worker.LONG)
     assert (results, errors) == ([1], [])

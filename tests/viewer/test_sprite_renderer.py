@@ -61,7 +61,7 @@ def test_a_sprite_is_cast_anew_where_labels_beside_it_were_edited_and_only_there
     renderer = SpriteRenderer(session, at_once, shown.update)
 
     def casts() -> int:
-        renderer.want(session.poses, frozenset(session.poses), 2.0)
+        renderer.want(session.poses, frozenset(session.poses), 2.0, {})
         ((one, pose),) = session.poses.items()
         fresh = sprite_image(session.scene(), one, pose, 1.0 / shown[one].mm, 1.0, "cpu")
         np.testing.assert_allclose(shown[one].patch.rgba, fresh.rgba, atol=2e-3)

@@ -605,7 +605,6 @@ class PictureAdapter(VispyBaseLayer):  # type: ignore[misc,valid-type]
 
     def __init__(self, layer: Layer, node: Any, **kwargs: Any) -> None:
         super().__init__(layer, node, **kwargs)
-        self._on_close: list[Callable[[], None]] = []
         self.reset()
 
     @property
@@ -639,17 +638,6 @@ class PictureAdapter(VispyBaseLayer):  # type: ignore[misc,valid-type]
     def _on_blending_change(self, event: Any = None) -> None:
         # napari's modes expect straight alpha; the node's own state is for premultiplied.
         self.node.update()
-
-    def when_closed(self, callback: Callable[[], None]) -> None:
-        """Call back when napari takes the visual down."""
-        self._on_close.append(callback)
-
-    def close(self) -> None:
-        """Disconnect from the layer and let go of the node."""
-        for callback in self._on_close:
-            callback()
-        self._on_close.clear()
-        super().close()
 
 
 def _controls(sentence: str) -> type[Any]:

@@ -106,33 +106,6 @@ def image_place(
     )
 
 
-def sprite_place(patch: ImagePatch, center: tuple[float, float, float], mm: float) -> PivotPlace:
-    """Place a sprite's patch in pivot space.
-
-    Parameters
-    ----------
-    patch : ImagePatch
-        Of `rendering.compose.sprite_image`: row and col count from the object's centre.
-    center : (float, float, float)
-        Where that centre is, pivot space mm.
-    mm : float
-        Size of a pixel, mm.
-
-    Returns
-    -------
-    PivotPlace
-    """
-    height, width = patch.rgba.shape[:2]
-    return PivotPlace(
-        center=(
-            float(center[0]),
-            float(center[1]) + (patch.row - 0.5 + height / 2) * mm,
-            float(center[2]) + (patch.col - 0.5 + width / 2) * mm,
-        ),
-        half=(height * mm / 2, width * mm / 2),
-    )
-
-
 # Faint, so that a row of sprites is no row of frames; chosen ones are meant to be seen.
 RESTING = Silhouette(outline=(1.0, 1.0, 1.0, 0.22), outline_width=1.0)
 CHOSEN = Silhouette(outline=(1.0, 1.0, 1.0, 0.95), outline_width=2.0)
@@ -192,11 +165,6 @@ class RenderedImage:
     def thumbnail(self) -> NDArray[np.float32]:
         """(h, w, 4) pixels for the layer list."""
         return self.patch.rgba
-
-    @property
-    def ready(self) -> bool:
-        """Whether it is cast; it always is."""
-        return True
 
     def covers(self, other: RenderedImage) -> bool:
         """Return whether pixels of both show the same rays."""
@@ -289,7 +257,12 @@ class Sprite:
     @property
     def place(self) -> PivotPlace:
         """The rectangle of its image, without a silhouette's margin."""
-        return sprite_place(self.patch, triple(self.pose.center), self.mm)
+        height, width = self.patch.rgba.shape[:2]
+        depth, down, right = triple(self.pose.center)
+        # Rows and columns of its patch count from the object's centre.
+        down += (self.patch.row - 0.5 + height / 2) * self.mm
+        right += (self.patch.col - 0.5 + width / 2) * self.mm
+        return PivotPlace((depth, down, right), (height * self.mm / 2, width * self.mm / 2))
 
     def is_at(self, pose: Pose) -> bool:
         """Tell whether it is drawn at a place, and as large as it is to be there."""
@@ -334,7 +307,7 @@ class Sprite:
             By which the rectangle is widened, mm.
         """
         # Only the two axes of its plane count here.
-        place = sprite_place(self.patch, (0.0, *self.pose.center[1:]), self.mm)
+        place = self.place
         down, right = np.abs(pivot_point[1:] - place.center[1:])
         return bool(down <= place.half[0] + margin and right <= place.half[1] + margin)
 

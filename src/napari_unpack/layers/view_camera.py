@@ -23,17 +23,32 @@ class Frame:
         Height and width of the view in device pixels.
     clip_from_pivot : (4, 4) ndarray of float64
         From pivot space (towards, down, right, 1; mm) to clip space (x, y, z, w).
+    corner : (float, float), optional
+        Where the view begins in the canvas, row and column in device pixels: in napari's grid
+        every layer has a view of its own.
     """
 
     camera: Camera
     size: tuple[int, int]
     clip_from_pivot: Matrix
+    corner: tuple[float, float] = (0.0, 0.0)
 
     def same_as(self, other: Frame | None) -> bool:
-        """Return whether another frame would show the same image."""
+        """Return whether another frame would show the same image at the same place."""
         return (
-            other is not None and self.size == other.size and same_camera(self.camera, other.camera)
+            other is not None
+            and (self.size, self.corner) == (other.size, other.corner)
+            and same_camera(self.camera, other.camera)
         )
+
+    def holds(self, row: float, col: float) -> bool:
+        """Return whether a pixel lies in it.
+
+        Parameters
+        ----------
+        row, col : float
+        """
+        return 0 <= round(row) < self.size[0] and 0 <= round(col) < self.size[1]
 
 
 # Relative lengths that differ by less count as equal.

@@ -44,7 +44,6 @@ class QuadsAdapter(PictureAdapter):
         self.node.before_draw = self._before_draw
         self.node.refused = layer.refused.emit
         layer.frame_now = self._frame
-        self.when_closed(self._let_go)
 
     def _before_draw(self, visual: QuadsVisual) -> None:
         frame = self._frame()
@@ -74,7 +73,8 @@ class QuadsAdapter(PictureAdapter):
             return None
         whole = matrix_of(self.node.get_transform("scene", "render"))
         size = max(1, round(view.size[1] * scale)), max(1, round(view.size[0] * scale))
-        return Frame(camera, size, clip_from_pivot(whole @ scene_from_world, camera))
+        corner = float(view.pos[1]) * scale, float(view.pos[0]) * scale
+        return Frame(camera, size, clip_from_pivot(whole @ scene_from_world, camera), corner)
 
     def _slice_quads(self) -> Sequence[Quad]:
         if len(self.displayed) != 2:
@@ -99,10 +99,12 @@ class QuadsAdapter(PictureAdapter):
             node = node.parent
         return None if node is None or not hasattr(node.camera, "fov") else node
 
-    def _let_go(self) -> None:
+    def close(self) -> None:
+        """Disconnect from the layer and let go of the node."""
         # Both would keep the layer alive with the node.
         self.node.before_draw = self.node.refused = None
         del self.layer.frame_now
+        super().close()
 
 
 def _ndc_from_pixels(size: tuple[float, float]) -> Matrix:

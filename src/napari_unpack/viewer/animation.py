@@ -105,6 +105,8 @@ class Inspection:
         How it is turned now.
     since : float
         When it began to come, or to go, s; in the bag, when the camera moved last.
+    height : float
+        Of the view when it began, mm: the framed object fills its share of that.
     leaving : bool
         Whether it is on its way back.
 

@@ -227,7 +227,18 @@ class CanvasBackend:
         ends = np.zeros(3), shape - 1.0
         # A function, asked when it is cast: hues may be on their way until then.
         tints = self.packed_tints
-        return self._image("packed", ends, None, camera, size, step, tints, done, self._clipping)
+        return self._image(
+            "packed",
+            ends,
+            None,
+            camera,
+            size,
+            step,
+            tints,
+            done,
+            self._clipping,
+            lambda: self._session.transfer_function,
+        )
 
     def moving(
         self,
@@ -329,8 +340,8 @@ class CanvasBackend:
         step: float,
         tints: Callable[[], NDArray[np.float32]],
         done: Callable[[float], None],
-        clipping: Callable[[], NDArray[np.float64] | None] = lambda: None,
-        function: Callable[[], TransferFunction] | None = None,
+        clipping: Callable[[], NDArray[np.float64] | None],
+        function: Callable[[], TransferFunction],
     ) -> CanvasImage | None:
         if self._subvolume is None:
             return None
@@ -348,7 +359,6 @@ class CanvasBackend:
         def develop() -> ImageTexture | None:
             part = window.row, window.col, *window.size
             rays = rays_for(camera, size, spacing, affine, step, part)
-            shown = self._session.transfer_function if function is None else function()
 
             def where(ids: frozenset[int]) -> PixelWindow | None:
                 known = set(self._session.boxes.ids.tolist())
@@ -360,7 +370,7 @@ class CanvasBackend:
                     return None
                 return found[1] - part[1], found[0] - part[0], found[3], found[2]
 
-            return self._cast(key, rays, tints(), done, clipping(), shown, where)
+            return self._cast(key, rays, tints(), done, clipping(), function(), where)
 
         return CanvasImage(window, camera, size, develop)
 

@@ -105,6 +105,7 @@ class ControllerConnections:
             (events.labels, self._follow_labels),
             (events.labels, one.queries.labels_changed),
             (events.states, self.follow_states),
+            (events.states, one.interaction.states_changed),
             (events.hues, self._follow_hues),
             (events.transfer_function, self._follow_transfer_function),
             (events.selected, one.interaction.selection_changed),

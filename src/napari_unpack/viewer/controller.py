@@ -152,7 +152,7 @@ class SessionController:
         repaint, shows = self.transition.repaint, self.packed.shows
         self.overlays = Overlays(session, self.scheduler, repaint, shows)
         self.transition.overlays = self.overlays.quads_at
-        scale = self._pixel_scale
+        scale = self.pixel_scale
         self.names = SpriteNames(session, self.sprites, scale, repaint)
         self.rulers = RulerDrawing(self, scale, repaint)
         self.transition.slice_overlays = self.rulers.slice_quads_at
@@ -164,7 +164,6 @@ class SessionController:
             lambda: self.recolor_at_rest,
             self.events.unpackable.emit,
         )
-        session.queries.asks_at_rest = True
         handle = self.cut_handle.points
         self.framing = Framing(
             self.viewer, session, self.packed, self.renderer, self.scheduler, handle
@@ -192,7 +191,7 @@ class SessionController:
     @property
     def flying(self) -> bool:
         """Whether anything is in the air."""
-        return self.renderer.flying
+        return self.renderer.animator.flying
 
     @property
     def inspected(self) -> int:
@@ -247,10 +246,12 @@ class SessionController:
         Raises
         ------
         RuntimeError
-            If this napari cannot show our layers.
+            If this napari cannot show our layers, or it was closed: that is for good.
         """
         if self.is_open:
             return
+        if self.scheduler.closed:
+            raise RuntimeError("A closed SessionController stays closed: make another")
         if compat.problem():
             raise RuntimeError(compat.problem())
         viewer, session = self.viewer, self.session
@@ -259,6 +260,7 @@ class SessionController:
         self._before = session.animated, session.backend
         # The session's tasks run in threads, where GL has no context.
         session.animated, session.backend = True, "cpu"
+        session.queries.asks_at_rest = True
         self.slice_hues = SliceHues(self.outer_session or session, self.sources)
         self.slice_hues.paint()
         viewer.dims.ndisplay = 3
@@ -312,7 +314,8 @@ class SessionController:
         # A window closed in the wait would freeze: the session would cast all rays at once.
         if not find_unpackable(self.session, self.scheduler, wanted, searching):
             return ()
-        measure_next(self.session, self.scheduler, wanted)
+        if not measure_next(self.session, self.scheduler, wanted):
+            return ()
         return self.session.unpack(wanted)
 
     def restore(self, n_or_ids: int | Iterable[int] = 1) -> Group:
@@ -461,7 +464,8 @@ class SessionController:
             sleep(IDLE_SECONDS)
         return False
 
-    def _pixel_scale(self) -> float:
+    def pixel_scale(self) -> float:
+        """Return the device pixels of a logical pixel of the canvas."""
         return compat.pixel_scale(self.viewer)
 
     def _settled(self) -> bool:

@@ -20,9 +20,9 @@ FRINGE_VOXELS = 3
 
 
 def recast_objects(
-    scene: Scene, subvolume: Subvolume, image: RenderedImage, ids: Iterable[int], backend: str
+    scene: Scene, subvolume: Subvolume, image: RenderedImage, ids: Iterable[int]
 ) -> RenderedImage | None:
-    """Cast the windows of some objects anew and keep the rest of the image.
+    """Cast the windows of some objects anew, on the processor, and keep the rest of the image.
 
     Parameters
     ----------
@@ -34,8 +34,6 @@ def recast_objects(
         The packed image so far, right but for these objects.
     ids : iterable of int
         Objects that have left, come back, or changed their look.
-    backend : {"auto", "cpu", "gl"}
-        What casts.
 
     Returns
     -------
@@ -47,7 +45,8 @@ def recast_objects(
     Exact, since the rays of a window are rays of the image. Costs the objects' common
     rectangle.
     """
-    window = _window(scene, image, ids)
+    part = image.patch.row, image.patch.col, *image.patch.size
+    window = window_of_objects(scene, image.camera, image.size, part, ids)
     if window is None:
         return image
     row, col, height, width = window
@@ -66,22 +65,13 @@ def recast_objects(
         shading=LIGHT,
         bricks=subvolume.bricks,
         clipping=scene.clipping,
-        backend=backend,
+        backend="cpu",
     )
     top, left = row - image.patch.row, col - image.patch.col
     rgba[top : top + height, left : left + width] = colors
     depth[top : top + height, left : left + width] = there
     patch = ImagePatch(rgba, depth, image.patch.row, image.patch.col, image.patch.plane)
     return RenderedImage.of(patch, image.camera, image.size)
-
-
-def _window(
-    scene: Scene, image: RenderedImage, ids: Iterable[int]
-) -> tuple[int, int, int, int] | None:
-    """Return the rectangle (row, col, height, width) that covers objects, cut to the patch."""
-    patch = image.patch
-    part = patch.row, patch.col, *patch.rgba.shape[:2]
-    return window_of_objects(scene, image.camera, image.size, part, ids)
 
 
 def window_of_objects(

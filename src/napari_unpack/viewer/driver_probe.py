@@ -11,7 +11,7 @@ from urllib.parse import quote
 
 from qtpy.QtCore import QSettings
 
-from napari_unpack.rendering.gl import trial
+from napari_unpack.rendering.gl.trial import tried
 from napari_unpack.tasks import Task
 from napari_unpack.viewer.scheduler import Scheduler, Worker
 
@@ -42,18 +42,7 @@ def probe_driver(driver: str, scheduler: Scheduler, answered: Callable[[str], No
         store.setValue(key, reason)
         answered(reason)
 
-    scheduler.submit(Task(("driver", driver), lambda _: tried()), Worker.LONG, done)
-
-
-def tried(command: str = CHILD) -> str:
-    """Return why a child process could not draw with the driver, "" where it could.
-
-    Parameters
-    ----------
-    command : str
-        What the child does, in Python.
-    """
-    return trial.tried(command)
+    scheduler.submit(Task(("driver", driver), lambda _: tried(CHILD)), Worker.LONG, done)
 
 
 def draw() -> None:

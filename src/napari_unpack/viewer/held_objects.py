@@ -63,7 +63,7 @@ class HeldObjects:
         # At the depth of the sprite: it stays under the hand.
         mm = pose.cast_camera(self._renderer.frame.camera, 1.0).height / rows
         # Never out of the window: there is nothing to take hold of there.
-        edge = mm * np.array([0.0, rows, cols]) / 2
+        edge = np.array([np.inf, mm * rows / 2, mm * cols / 2])
         center = np.clip(pose.center + mm * np.array([0.0, *pixels]), -edge, edge)
         self._renderer.animator.carried[object_id] = replace(pose, center=center)
         self._renderer.show_sprites()

@@ -65,6 +65,8 @@ class Interaction:
         self._tool: ClickTool | None = None
         self._target = target
         self._pointed = 0
+        # None once its name may be another.
+        self._named: int | None = 0
         self._clicked: tuple[Pixel | None, int] = None, 0
         self._theirs = list(target.viewer.mouse_double_click_callbacks)
         self._put_status_back: Callable[[], None] = lambda: None
@@ -120,17 +122,18 @@ class Interaction:
 
     def frame_pixel(self, pixel: Pixel) -> tuple[float, float]:
         """Return the frame's pixel (row, column) of one of the canvas."""
-        height, width = self._target.viewer.canvas.size
-        frame = self._frame
-        rows, cols = (height, width) if frame is None else frame.size
-        return (
-            float((pixel[0] + 0.5) * rows / height - 0.5),
-            float((pixel[1] + 0.5) * cols / width - 0.5),
-        )
+        return self._pixel_in(self._frame, pixel)
+
+    def _pixel_in(self, frame: Frame | None, pixel: Pixel) -> tuple[float, float]:
+        corner = np.zeros(2) if frame is None else np.array(frame.corner)
+        row, col = (pixel + 0.5) * self._target.pixel_scale() - 0.5 - corner
+        return float(row), float(col)
 
     def sprite_at(self, pixel: Pixel) -> int:
         """Return the object whose sprite is at a pixel, 0 for none."""
-        return self._target.renderer.picker.sprite_at(*self.frame_pixel(pixel))
+        # In napari's grid they have a view of their own.
+        there = self._pixel_in(self._target.sprites.frame, pixel)
+        return self._target.renderer.picker.sprite_at(*there)
 
     def packed_at(self, pixel: Pixel) -> list[int]:
         """Return the packed objects at a pixel, the most visible first."""
@@ -159,9 +162,9 @@ class Interaction:
     def point_at(self, object_id: int) -> None:
         """Show which object the mouse is on, 0 for none."""
         # Every movement of the mouse comes here.
-        if object_id == self._pointed:
+        if object_id == self._named:
             return
-        self._pointed = object_id
+        self._pointed = self._named = object_id
         target, session = self._target, self._target.session
         words = describe(session, object_id) if object_id else ""
         for layer in target.layers:
@@ -171,6 +174,10 @@ class Interaction:
         self._show_name(hint(session, object_id) if object_id else "")
         target.overlays.ghost.point_at(0 if target.renderer.inspected else object_id)
         self.selection_changed()
+
+    def states_changed(self) -> None:
+        """Name what the mouse is on anew when it moves next: it may have been renamed."""
+        self._named = None
 
     def select(self, object_id: int, modifiers: Collection[str] = ()) -> None:
         """Select an object, or add it to what is selected.
@@ -200,16 +207,15 @@ class Interaction:
         pixels : (2,) ndarray of float64
             Rows down and columns to the right.
         """
-        frame = self._frame
-        scale = 1.0 if frame is None else frame.size[0] / self._target.viewer.canvas.size[0]
-        self._target.renderer.held.move(object_id, scale * pixels)
+        self._target.renderer.held.move(object_id, self._target.pixel_scale() * pixels)
 
     @property
     def _frame(self) -> Frame | None:
         return self._target.renderer.frame
 
     def _in_frame(self, pixel: Pixel) -> Pixel:
-        return np.array(self.frame_pixel(pixel))
+        # Of the layer that draws what is over the bag.
+        return np.array(self._pixel_in(self._target.transition.frame, pixel))
 
     def _show_name(self, words: str) -> None:
         canvas = compat.native_canvas(self._target.viewer)

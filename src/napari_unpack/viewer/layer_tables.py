@@ -43,8 +43,10 @@ class ObjectTable:
         edges = (high - low).max(axis=1) if known else np.zeros(0)
         own = session.annotations.colors
         tints = tints_of(session.hues, session.ids[-1], mode=session.tint_mode, colors=own)
+        # A table of the user's own may have the column too.
+        facts = session.objects.reindex(known).drop(columns="id", errors="ignore")
         return {
-            "features": session.objects.reindex(known).rename_axis("id").reset_index(),
+            "features": facts.rename_axis("id").reset_index(),
             "face_color": tints[known, :3],
             "border_color": "transparent",
             # Points to be seen, but that leave their neighbours visible.

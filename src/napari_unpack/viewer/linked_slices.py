@@ -23,7 +23,7 @@ from napari_unpack.viewer.layer_tables import hint
 from napari_unpack.viewer.point_marker import PointMarker
 from napari_unpack.viewer.protocols import Event, MouseEvent
 from napari_unpack.viewer.scheduler import Worker
-from napari_unpack.viewer.surface_points import projection_of, surface_point
+from napari_unpack.viewer.surface_points import surface_point
 
 if TYPE_CHECKING:
     import napari
@@ -365,7 +365,7 @@ class LinkedSlices:
         renderer, object_id = self._controller.renderer, self.object_at(self.crosshair)
         # Beside an inspected object the bag is dimmed, and so would be what the point is on.
         away = bool(renderer.inspected) and renderer.inspected != object_id
-        projection = projection_of(self._controller, object_id, frame)
+        projection = renderer.picker.projection_of(object_id, frame)
         if not self._marked or away or projection is None:
             return None
         there = np.array(self.crosshair) * self.spacing

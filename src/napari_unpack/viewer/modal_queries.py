@@ -111,7 +111,7 @@ def boxes_task(session: Session, ids: Iterable[int]) -> Task[None] | None:
     return Task(("boxes", *wanted), run) if wanted else None
 
 
-def measure_next(session: Session, scheduler: Scheduler, n_or_ids: int | Iterable[int]) -> None:
+def measure_next(session: Session, scheduler: Scheduler, n_or_ids: int | Iterable[int]) -> bool:
     """Have a worker measure what is to leave, of which the window would feel every object.
 
     Parameters
@@ -120,13 +120,20 @@ def measure_next(session: Session, scheduler: Scheduler, n_or_ids: int | Iterabl
     scheduler : Scheduler
     n_or_ids : int or iterable of int
         See `Session.unpack`.
+
+    Returns
+    -------
+    bool
+        As `find_unpackable`.
     """
+    was_open = not scheduler.closed
     # What cannot leave is told by the command itself.
     with suppress(ValueError):
         task = boxes_task(session, session.queries.removal_plan(n_or_ids).ids)
         if task is not None:
             # The worker of flights: a query under way may take seconds.
             scheduler.run_modal(task, Worker.MOTION)
+    return not (was_open and scheduler.closed)
 
 
 def travel(session: Session, scheduler: Scheduler, way: Literal["undo", "redo"]) -> str | None:
@@ -178,7 +185,8 @@ def run_to(
         one_more = step == session.step + 1
         if not find_unpackable(session, scheduler, 1 if one_more else None, searching):
             return session.step
-        measure_next(session, scheduler, step - session.step)
+        if not measure_next(session, scheduler, step - session.step):
+            return session.step
     animated = session.animated
     session.animated = animated and flying
     try:

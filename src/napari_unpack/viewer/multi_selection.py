@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.layers import compat
 from napari_unpack.layers.placement import data_to_world, units_of, voxel_at
 from napari_unpack.layers.rendered_image import Sprite
 from napari_unpack.layers.slice_frame import SliceFrame
@@ -75,7 +74,7 @@ class RubberBand:
     ) -> None:
         self._target, self._frame_pixel = target, frame_pixel
         self._corners = np.array([frame_pixel(start)] * 2)
-        self._lines = CanvasLines(lambda: compat.pixel_scale(target.viewer))
+        self._lines = CanvasLines(target.pixel_scale)
 
     def drag(self, _last: Pixel, pixel: Pixel) -> None:
         """Draw it up to a corner.
@@ -106,12 +105,19 @@ class RubberBand:
         session.select(session.selected | found)
         if not target.renderer.packed.visible:
             return
+        before = session.selected
+
+        def add(ids: frozenset[int]) -> None:
+            # A click since then counts, not what was to be selected before it.
+            if session.selected == before:
+                session.select(before | (ids & set(session.ids)))
+
         scene, rays = session.scene(), session.ray_queries
         packed = ids_in(session.states, ObjectState.PACKED)
         target.scheduler.submit(
             Task("rubber band", lambda _: enclosed(scene, rays, packed, frame, low, high)),
             Worker.BACKGROUND,
-            lambda ids: session.select(session.selected | (ids & set(session.ids))),
+            add,
         )
 
     def quads_at(self, frame: Frame) -> Sequence[Quad]:
@@ -135,7 +141,7 @@ class SliceBand:
         self._target, self._layer = target, target.layers[1]
         self._corners = np.stack([start, start])
         self._ends = np.array([position, position], dtype=np.float64)
-        self._lines = CanvasLines(self._scale)
+        self._lines = CanvasLines(target.pixel_scale)
         self._others = self._layer.slice_overlays
 
     def drag(self, pixel: Pixel, position: Sequence[float]) -> None:
@@ -179,11 +185,8 @@ class SliceBand:
         found = _whole_inside(plane, inside)
         target.session.select(target.session.selected | found)
 
-    def _scale(self) -> float:
-        return compat.pixel_scale(self._target.viewer)
-
     def _quads_at(self, frame: SliceFrame) -> Sequence[Quad]:
-        sides = [band_line(self._corners * self._scale())]
+        sides = [band_line(self._corners * self._target.pixel_scale())]
         others = () if self._others is None else self._others(frame)
         return [*others, *self._lines.quads(sides, frame.size)]
 

@@ -250,7 +250,7 @@ class PackedRenderer:
         self, scene: Scene, image: RenderedImage, changed: frozenset[int]
     ) -> RenderedImage | None:
         self.passes += 1
-        return recast_objects(scene, self.subvolume(scene), image, changed, "cpu")
+        return recast_objects(scene, self.subvolume(scene), image, changed)
 
     def _region_done(self, image: RenderedImage | None, wanted: tuple[Frame, int]) -> None:
         if self._full_for == wanted:

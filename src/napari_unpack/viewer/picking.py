@@ -1,4 +1,4 @@
-"""Which packed object a pixel shows: the one that contributes most to it."""
+"""What a pixel shows, packed objects, sprites and depths, and how an object is seen."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from napari_unpack.rendering.casting import TABLE_ENTRIES, rays_for
 from napari_unpack.rendering.cpu import by_contribution, contributions
 from napari_unpack.rendering.scene import Scene
 from napari_unpack.rendering.subvolumes import Subvolume
+from napari_unpack.session.object_state import ObjectState
 
 if TYPE_CHECKING:
     from napari_unpack.viewer.scene_renderer import SceneRenderer
@@ -103,11 +104,10 @@ class ScenePicker:
         row, col : float
             Of the frame.
         """
-        if self._renderer.frame is None or not self._renderer.sprites.visible:
+        frame, sprites = self._renderer.frame, self._renderer.sprites
+        if frame is None or not sprites.visible or not frame.holds(row, col):
             return 0
-        return self._renderer.sprites.at_pixel(
-            row, col, self._renderer.frame.size, self._renderer.frame.camera
-        )
+        return sprites.at_pixel(row, col, frame.size, frame.camera)
 
     def packed_at(self, row: float, col: float) -> list[int]:
         """Return the packed objects at a pixel, the most visible first.
@@ -118,9 +118,7 @@ class ScenePicker:
             Of the frame.
         """
         frame = self._renderer.frame
-        if frame is None or not self._renderer.packed.visible:
-            return []
-        if not (0 <= round(row) < frame.size[0] and 0 <= round(col) < frame.size[1]):
+        if frame is None or not self._renderer.packed.visible or not frame.holds(row, col):
             return []
         found = pick_packed(
             self._renderer.session.scene(),
@@ -131,23 +129,29 @@ class ScenePicker:
         )
         return [i for i in found if i in self._renderer.session.states]
 
-    def projection_of(self, object_id: int, frame: Frame) -> Projection:
-        """Return how an object is seen where it stands now, in the bag or outside.
+    def projection_of(self, object_id: int, frame: Frame) -> Projection | None:
+        """Return how an object is seen where it stands now; None where it is not seen at all.
 
         Parameters
         ----------
         object_id : int
+            0 for what belongs to no object.
         frame : Frame
             What the canvas shows.
         """
         renderer, session = self._renderer, self._renderer.session
+        in_bag = Projection(frame.camera.pivot_from_world(), frame.camera)
+        if object_id not in session.states:
+            return in_bag
+        if session.states[object_id] is ObjectState.HIDDEN:
+            return None
         center = session.boxes.center(object_id, session.spacing)
         moving = renderer.animator.moving(renderer.flight_animation.now(), frame).get(object_id)
         if moving is not None:
             return moving.pose.projection(center, frame.camera, moving.flatness)
         waiting = session.poses.get(object_id)
         if waiting is None:
-            return Projection(frame.camera.pivot_from_world(), frame.camera)
+            return in_bag
         # A sprite that glides, or is carried, is not yet where the session knows it.
         sprite = renderer.sprites.sprites.get(object_id)
         pose = waiting if sprite is None else sprite.pose

@@ -24,7 +24,6 @@ from napari_unpack.rendering.rulers import (
 from napari_unpack.session.measurements import Measurement, SurfacePoint
 from napari_unpack.viewer.canvas_lines import CanvasLines, Line
 from napari_unpack.viewer.canvas_text import CanvasText, text_quad
-from napari_unpack.viewer.surface_points import projection_of
 
 if TYPE_CHECKING:
     from napari_unpack.viewer.controller import SessionController
@@ -137,7 +136,7 @@ class RulerDrawing:
         if inspected and owners != {inspected}:
             return None
         ends = np.array([point.at for point in points])
-        where = partial(projection_of, self._target, frame=frame)
+        where = partial(self._target.renderer.picker.projection_of, frame=frame)
         return ruler_pixels(frozenset(owners), ends, where, frame.size)
 
     def _quads(self, drawn: Sequence[Drawn], size: tuple[int, int]) -> list[Quad]:

@@ -45,8 +45,6 @@ class Statistics:
     sprites_cast : int
     uploads : int
         Volume textures, and boxes of labels, sent to the graphics card.
-    bytes_sent : int
-        Of volume textures.
     rays_cast : int
         On the graphics card.
     """
@@ -54,7 +52,6 @@ class Statistics:
     packed_passes: int
     sprites_cast: int
     uploads: int
-    bytes_sent: int
     rays_cast: int
 
 
@@ -129,7 +126,6 @@ class SceneRenderer:
             packed_passes=self.packed_renderer.passes,
             sprites_cast=self.sprite_renderer.casts,
             uploads=canvas.uploads,
-            bytes_sent=canvas.bytes_sent,
             rays_cast=canvas.rays_cast,
         )
 
@@ -138,13 +134,8 @@ class SceneRenderer:
         """Whether every image at rest is full and right."""
         images = self.packed_renderer.settled and self.sprite_renderer.settled
         # What has landed stays in the transition layer for some ticks more.
-        landing = self.flight_animation.running and not self.flying
+        landing = self.flight_animation.running and not self.animator.flying
         return images and self.glides.settled and not (self._upload.busy or landing)
-
-    @property
-    def flying(self) -> bool:
-        """Whether anything is in the air."""
-        return self.animator.flying
 
     @property
     def turning(self) -> bool:
@@ -240,7 +231,9 @@ class SceneRenderer:
         """End a flight."""
         flight = self.session.flights.get(object_id)
         if flight is not None:
-            self.animator.landed(object_id, None if flight.back else flight.target)
+            # Where nothing is drawn, nothing is waited for.
+            if self.frame is not None:
+                self.animator.landed(object_id, None if flight.back else flight.target)
             self.session.land(object_id)
             self._landed(object_id)
 
@@ -328,7 +321,7 @@ class SceneRenderer:
             self.end_inspection()
         active = self.animator.active(now)
         # One at a time, or the worker would fall behind the flight. A film's clock stands still.
-        stands = now == self._ticked and self.flying and not self.animator.landing
+        stands = now == self._ticked and self.animator.flying and not self.animator.landing
         if not (stands or self.transition_renderer.busy):
             self._ticked = now
             self.draw_moving()

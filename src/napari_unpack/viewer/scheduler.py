@@ -165,8 +165,6 @@ class _Workers(Protocol):
 
     def jobs(self, owner: Scheduler) -> list[Job]: ...
 
-    def waiting(self, owner: Scheduler) -> list[Job]: ...
-
     def drop(self, job: Job) -> bool: ...
 
     def wait_while(self, waits: Callable[[], bool]) -> None: ...
@@ -229,11 +227,6 @@ class ThreadWorkers:
             found = [j for p in pools for part in (p.finished, p.running, p.waiting) for j in part]
         return [job for job in found if job.owner is owner]
 
-    def waiting(self, owner: Scheduler) -> list[Job]:
-        """List an owner's jobs that have not begun."""
-        with self._lock:
-            return [j for p in self._pools.values() for j in p.waiting if j.owner is owner]
-
     def drop(self, job: Job) -> bool:
         """Forget a job that waits; return whether it did."""
         with self._lock:
@@ -242,6 +235,8 @@ class ThreadWorkers:
             waits = job in waiting
             if waits:
                 waiting.remove(job)
+            # Of a closed owner: what runs for it holds nothing up from now on.
+            self._start(self._pools[job.worker])
             return waits
 
     def wait_while(self, waits: Callable[[], bool]) -> None:
@@ -280,7 +275,8 @@ class ThreadWorkers:
             if sum(not job.owner.closed for job in pool.running) >= pool.threads:
                 return
             taken = {(job.owner, job.slot) for job in pool.running}
-            job = next((j for j in pool.waiting if (j.owner, j.slot) not in taken), None)
+            wanted = (j for j in pool.waiting if not j.owner.closed)
+            job = next((j for j in wanted if (j.owner, j.slot) not in taken), None)
             if job is None:
                 return
             pool.waiting.remove(job)
@@ -452,9 +448,8 @@ class Scheduler:
         if same:
             same[-1].listeners.append((done, failed))
             return
-        for job in self._workers.waiting(self):
-            if (job.worker, job.slot) == (worker, place):
-                self._workers.drop(job)
+        for job in here:
+            self._workers.drop(job)
         self._workers.add(Job(self, worker, place, task, progress, [(done, failed)]))
 
     def run_modal(self, task: Task[T], worker: Worker, slot: Hashable | None = None) -> T | None:
@@ -510,7 +505,7 @@ class Scheduler:
             elif failed is not None:
                 failed(result.error)
             elif self._failed is not None and not result.cancelled:
-                self._failed(f"{job.slot}: {result.error}")
+                self._failed(str(result.error) or type(result.error).__name__)
 
     # Timers.
 
@@ -686,6 +681,9 @@ class Scheduler:
     def close(self) -> None:
         """Forget everything; what runs is asked to stop and its result thrown away."""
         self.closed = True
+        # First, or they would begin what else waits.
+        if self._owns_workers:
+            self._workers.close()
         for job in self._workers.jobs(self):
             # Long work stops at its next report; the process ends without it if it must.
             job.stopping.set()
@@ -696,5 +694,3 @@ class Scheduler:
         for idle in self._idle.values():
             idle.timer.stop()
         self._frames.stop()
-        if self._owns_workers:
-            self._workers.close()

@@ -94,7 +94,7 @@ class SpriteRenderer:
         poses: Mapping[int, Pose],
         shown: frozenset[int],
         pixels_per_mm: float,
-        gliding: Mapping[int, Pose] | None = None,
+        gliding: Mapping[int, Pose],
     ) -> None:
         """Cast what is missing or has changed, and forget what is not wanted.
 
@@ -106,10 +106,10 @@ class SpriteRenderer:
             Which of them to show now.
         pixels_per_mm : float
             Of the view, in pivot space.
-        gliding : {id: Pose}, optional
+        gliding : {id: Pose}
             Where some of them are by now, and how large.
         """
-        self._wanted, self._shown = {**poses, **(gliding or {})}, shown
+        self._wanted, self._shown = {**poses, **gliding}, shown
         # One scene for all: this runs at every frame while anything moves.
         scene, voxel = self._session.scene(), float(np.min(self._session.spacing))
         for object_id in list(self._made):

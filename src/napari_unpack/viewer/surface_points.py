@@ -1,4 +1,4 @@
-"""Where objects stand in the picture, and the point of their surface under a pixel."""
+"""The point of an object's surface under a pixel."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.axes import Vector, triple
-from napari_unpack.geometry.transforms import Projection
-from napari_unpack.layers.view_camera import Frame
 from napari_unpack.session.measurements import SurfacePoint
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.viewer.protocols import Pixel
@@ -20,30 +18,6 @@ if TYPE_CHECKING:
 
 # Samples along a ray, smallest voxel edges: a tenth of a voxel is finer than its label is.
 STEP = 0.1
-
-
-def projection_of(target: SessionController, object_id: int, frame: Frame) -> Projection | None:
-    """Return how an object is seen where it stands now.
-
-    Parameters
-    ----------
-    target : SessionController
-    object_id : int
-        0 for what belongs to no object.
-    frame : Frame
-        What the canvas shows.
-
-    Returns
-    -------
-    Projection or None
-        None where it is not seen at all.
-    """
-    session = target.session
-    if object_id not in session.states:
-        return Projection(frame.camera.pivot_from_world(), frame.camera)
-    if session.states[object_id] is ObjectState.HIDDEN:
-        return None
-    return target.renderer.picker.projection_of(object_id, frame)
 
 
 def surface_point(target: SessionController, pixel: Pixel) -> SurfacePoint | None:
@@ -57,8 +31,10 @@ def surface_point(target: SessionController, pixel: Pixel) -> SurfacePoint | Non
     """
     frame, interaction = target.renderer.frame, target.interaction
     object_id = interaction.under(pixel)
-    projection = None if frame is None or not object_id else projection_of(target, object_id, frame)
-    if frame is None or projection is None:
+    if frame is None or not object_id:
+        return None
+    projection = target.renderer.picker.projection_of(object_id, frame)
+    if projection is None:
         return None
     start, way = projection.ray(interaction.frame_pixel(pixel), frame.size)
     planes = session_planes(target.session, object_id)
