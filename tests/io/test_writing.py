@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from napari_unpack.atomic import written_atomically
-from napari_unpack.io import save_objects_csv, save_png
+from napari_unpack.io import Scan, save_objects_csv, save_png, save_scan
 from napari_unpack.io.movies import checked_movie_path
 from napari_unpack.io.surfaces import checked_surfaces_path
 from napari_unpack.segmentation.confidence.oracle import Oracle, default_oracle
@@ -43,10 +43,12 @@ def test_the_folder_of_a_person_may_be_called_by_its_sign(
     assert save_png(np.zeros((2, 3, 3), np.uint8), "~/a.png") == tmp_path / "a.png"
     assert checked_movie_path("~/a.mp4", (16, 24)) == tmp_path / "a.mp4"
     assert checked_surfaces_path("~/a.stl") == tmp_path / "a.stl"
+    scan = Scan(np.zeros((2, 3, 4), np.uint16), (1.0, 1.0, 1.0))
+    assert save_scan(scan, "~/a.tif") == [tmp_path / "a.tif"]
     oracle = default_oracle()
     oracle.save("~/a.npz")
     np.testing.assert_array_equal(Oracle.load("~/a.npz").logistic, oracle.logistic)
-    assert {p.name for p in tmp_path.iterdir()} == {"a.csv", "a.png", "a.npz"}
+    assert {p.name for p in tmp_path.iterdir()} == {"a.csv", "a.png", "a.npz", "a.tif"}
     # Of nobody's folder: a name as any other.
     monkeypatch.chdir(tmp_path)
     assert save_objects_csv(objects, "~draft.csv").exists()

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.atomic import check_space, check_writable
+from napari_unpack.atomic import check_space, check_writable, checked_target
 from napari_unpack.file_sizes import check_plain_file
 from napari_unpack.io.arrays import read_names, read_npy, read_npz, write_npz
 from napari_unpack.io.file_data import FileData
@@ -128,7 +128,7 @@ def save_scan(scan: Scan, path: str | Path) -> list[Path]:
     """
     check_scan(scan)
     scan = scan if scan.labels is None else replace(scan, labels=_narrow(scan.labels))
-    file = Path(path)
+    file = checked_target(path)
     suffix = suffix_of(file)
     if suffix == ".npz":
         write_npz(file, scan)
@@ -185,7 +185,7 @@ def check_savable(path: str | Path, volume: NDArray[Any]) -> None:
     OSError
         If the disk has too little space.
     """
-    file = Path(path)
+    file = checked_target(path)
     check_writable(file)
     _try(file, volume)
     # TIFF is not compressed, and has labels of two bytes beside it. CT deflates to a half or a
