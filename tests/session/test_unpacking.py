@@ -165,6 +165,20 @@ def test_flying_objects_neither_block_nor_leave_again():
     assert session.flights == {}
 
 
+def test_what_flies_lands_when_flights_are_switched_off():
+    session = session_of(stack_of_plates(), clock=lambda: 0.0)
+    session.animated = True
+    session.unpack(2)
+    session.land(1)
+    session.restore([1])
+    heard = []
+    session.events.states.connect(heard.append)
+    session.animated = False
+    assert states(session, 1, 2) == ["PACKED", "UNPACKED"]
+    assert session.flights == {}
+    assert frozenset().union(*heard) == {1, 2}
+
+
 def test_an_object_on_its_way_back_leads_the_queue_and_turns_round():
     clock = [0.0]
     session = session_of(stack_of_plates(), clock=lambda: clock[0])

@@ -124,7 +124,7 @@ def arrange(
     Parameters
     ----------
     count : int
-        Objects in the bag, that is slots wanted.
+        Slots wanted.
     bag_radius_mm : float
         Radius of the bag's bounding sphere about the camera's centre.
     canvas_size : (int, int)
