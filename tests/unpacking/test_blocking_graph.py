@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
-from napari_unpack.unpacking import BlockingGraph, groups, reveal
+from napari_unpack.unpacking import BlockingGraph
 from napari_unpack.unpacking.blocking_graph import blocking_graph, leading_groups
 
 IDS = [2, 3, 5, 7, 9]
@@ -24,21 +24,21 @@ def blocking(*pairs: tuple[int, int]) -> BlockingGraph:
 
 
 def test_a_chain_leaves_one_by_one_blockers_first():
-    assert groups(table((9, 7), (7, 5), (5, 3), (3, 2)), IDS) == [(9,), (7,), (5,), (3,), (2,)]
+    assert blocking((9, 7), (7, 5), (5, 3), (3, 2)).removals(IDS) == [(9,), (7,), (5,), (3,), (2,)]
 
 
 def test_objects_that_hold_each_other_leave_together():
     # 3 and 5 block each other; 2 stands before both; 7 is behind 5; 9 is alone.
     pairs = [(3, 5), (5, 3), (2, 3), (5, 7)]
-    assert groups(table(*pairs), IDS) == [(2,), (3, 5), (7,), (9,)]
     graph = blocking(*pairs)
+    assert graph.removals(IDS) == [(2,), (3, 5), (7,), (9,)]
     assert graph.unpackable_groups() == [(2,), (9,)]
     assert graph.among([3, 5, 7, 9]).unpackable_groups() == [(9,), (3, 5)]
 
 
 def test_reveal_names_everything_that_stands_before_the_target():
     pairs = [(9, 7), (7, 5), (2, 5), (5, 3)]
-    assert reveal(blocking(*pairs).graph, 5) == {9, 7, 2, 5}
+    assert blocking(*pairs).needed(5) == {9, 7, 2, 5}
     assert blocking(*pairs).needed(9) == {9}
     with pytest.raises(ValueError, match="target must be a packed object"):
         blocking().needed(4)
@@ -67,13 +67,13 @@ def test_what_is_free_within_the_tolerance_is_blocked_by_nobody():
 
 def test_a_table_of_another_size_is_refused():
     with pytest.raises(ValueError, match=r"blocks must be \(5, 5\)"):
-        groups(np.zeros((2, 2), bool), IDS)
+        blocking_graph(np.zeros((2, 2), bool), IDS)
 
 
 @settings(max_examples=80, deadline=None)
 @given(st.lists(st.tuples(st.sampled_from(IDS), st.sampled_from(IDS)), max_size=12))
 def test_departures_take_everyone_once_and_nobody_before_a_blocker(pairs):
-    order = groups(table(*pairs), IDS)
+    order = blocking(*pairs).removals(IDS)
     assert sorted(i for group in order for i in group) == IDS
     gone: set[int] = set()
     for group in order:

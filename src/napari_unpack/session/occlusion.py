@@ -20,13 +20,13 @@ from napari_unpack.tasks import Progress, Task
 from napari_unpack.unpacking import BlockingGraph, ratios, unpackable_ids
 from napari_unpack.unpacking.blocking_graph import blocking_graph, leading_groups
 from napari_unpack.unpacking.occlusion import Rule
+from napari_unpack.unpacking.queue import Group
 
 if TYPE_CHECKING:
     import networkx as nx
 
     from napari_unpack.session.labels import LabelData
 
-Group = tuple[int, ...]
 
 # Share of an object's samples behind others above which it is held by more than the corners of
 # its neighbours' voxels, so that moving it would tell nothing new.

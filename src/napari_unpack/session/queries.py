@@ -379,7 +379,7 @@ class Queries:
                 if found:
                     break
                 raise NobodyFreeError(
-                    f"{NOTHING_UNPACKABLE}; {self._least_sentence(packed, source)}. "
+                    f"{NOTHING_UNPACKABLE}; {self._least_sentence(packed)}. "
                     "Choose another direction, or unpack the least occluded object."
                 )
             group, least = filled.groups[0], filled.least_occluded
@@ -471,11 +471,11 @@ class Queries:
             packed, queue = packed - len(group), queue.without(group)
         return RemovalPlan(tuple(removals), queue)
 
-    def _least_sentence(self, packed: frozenset[int], known: OcclusionResult | None) -> str:
-        least = known.least_occluded(packed) if known else min(packed)
-        ratio = known.first_hit.get(least, 0.0) if known else 0.0
+    def _least_sentence(self, packed: frozenset[int]) -> str:
+        known = self.occlusion(packed=packed)
+        least = known.least_occluded(packed)
         (name,) = self._session.names([least])
-        return least_occluded_sentence(name, ratio)
+        return least_occluded_sentence(name, known.first_hit.get(least, 0.0))
 
     def _known_next(
         self, chosen: frozenset[int] | None, count: int, packed: frozenset[int]

@@ -23,10 +23,10 @@ from napari_unpack.session.object_state import ObjectState
 from napari_unpack.session.validation import checked_planes, checked_whole
 from napari_unpack.unpacking import Queue, Slots
 from napari_unpack.unpacking.occlusion import Rule
+from napari_unpack.unpacking.queue import Group
 
-__all__ = ["ObjectState", "Placement", "SessionState", "UnpackingRules", "ViewState"]
+__all__ = ["Group", "ObjectState", "Placement", "SessionState", "UnpackingRules", "ViewState"]
 
-Group = tuple[int, ...]
 Flag = Literal["suspicious", "cleared"]
 FLAGS: tuple[Flag, ...] = get_args(Flag)
 

@@ -116,11 +116,25 @@ class BlockingGraph:
         return {before for i in wanted for before in self.graph.predecessors(i)} - wanted
 
     def needed(self, target: int) -> set[int]:
-        """Return the smallest set, the target included, that must leave to get at the target."""
-        return reveal(self.graph, target)
+        """Return the smallest set, the target included, that must leave to get at the target.
+
+        Raises
+        ------
+        ValueError
+            If the target is not in the graph.
+        """
+        if target not in self.graph:
+            raise ValueError(f"target must be a packed object, got {target!r}")
+        return {*nx.ancestors(self.graph, target), target}
 
     def removals(self, ids: Iterable[int]) -> list[tuple[int, ...]]:
-        """Order objects into groups so that none leaves before what blocks it."""
+        """Order objects into groups so that none leaves before what blocks it.
+
+        Notes
+        -----
+        Removable subassemblies of a directional blocking graph, Wilson & Latombe 1994; the paper's
+        "group-by-group" (section 5) leaves open which groups.
+        """
         part = self.graph.subgraph(ids)
         # Components of a circle become one node, so the order below exists.
         condensed = nx.condensation(part)
@@ -161,31 +175,6 @@ def blocking_graph(
         if row != column and names[column] not in exempt:
             graph.add_edge(names[row], names[column])
     return graph
-
-
-def groups(blocks: NDArray[np.bool_], ids: Iterable[int]) -> list[tuple[int, ...]]:
-    """Return the sets of objects that hold one another, ordered so that blockers come first.
-
-    Parameters
-    ----------
-    blocks : (n, n) ndarray of bool
-        Row blocks column.
-    ids : (n,) iterable of int
-        The IDs of rows and columns.
-
-    Returns
-    -------
-    list of tuple of int
-        Strongly connected components of the blocking graph in an order in which they can leave;
-        most have one member.
-
-    Notes
-    -----
-    Removable subassemblies of a directional blocking graph, Wilson & Latombe 1994; the paper's
-    "group-by-group" (section 5) leaves open which groups.
-    """
-    names = list(ids)
-    return BlockingGraph(blocking_graph(blocks, names)).removals(names)
 
 
 def leading_groups(
@@ -234,23 +223,3 @@ def leading_groups(
         if len(graph) <= most and nx.is_strongly_connected(graph):
             yielded.update(graph)
             yield tuple(sorted(graph))
-
-
-def reveal(graph: nx.DiGraph, target: int) -> set[int]:
-    """Return the target and everything that must leave before it, directly or not.
-
-    Parameters
-    ----------
-    graph : networkx.DiGraph
-        An edge leads from the blocking object to the blocked one.
-    target : int
-        ID of the buried object.
-
-    Raises
-    ------
-    ValueError
-        If the target is not in the graph.
-    """
-    if target not in graph:
-        raise ValueError(f"target must be a packed object, got {target!r}")
-    return set(nx.ancestors(graph, target)) | {target}
