@@ -338,6 +338,20 @@ def test_a_bad_number_or_id_is_refused_and_nothing_changes(n_or_ids):
         session.unpack(["1"])
 
 
+def test_what_is_blocked_within_the_tolerance_leaves_before_its_blocker():
+    labels = np.zeros((10, 8, 8), np.uint16)
+    labels[8, 1:7, 1:3] = 1
+    # A third of it, two of its six columns, is behind 1.
+    labels[5, 1:7, 1:7] = 2
+    session = session_of(labels)
+    session.direction = "+z"
+    session.tolerance = 0.3
+    assert session.unpackable() == (1,)
+    session.tolerance = 0.4
+    assert session.unpackable() == (1, 2)
+    assert session.unpack([2]) == (2,)
+
+
 def test_without_a_table_of_blockers_free_objects_leave_and_others_are_refused():
     labels = stack_of_plates()
 

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.unpacking import BlockingGraph
 from napari_unpack.unpacking.blocking_graph import blocking_graph, leading_groups
 
@@ -50,19 +49,10 @@ def test_blockers_are_those_directly_in_front_and_not_among_the_chosen():
     assert graph.blockers([5, 7]) == {2, 9}
 
 
-def test_what_is_free_within_the_tolerance_is_blocked_by_nobody():
-    counts = OcclusionCounts(
-        ids=np.array([1, 2]),
-        samples=np.array([0, 1000, 1000]),
-        hits=np.array([0, 10, 10]),
-        occluded_hits=np.array([0, 0, 1]),
-        occluded_samples=np.array([0, 0, 2]),
-        exact_samples=np.array([0, 0, 2]),
-        blocks=np.array([[False, True], [False, False]]),
-    )
-    assert BlockingGraph.of(counts).unpackable_groups() == [(1,)]
-    assert BlockingGraph.of(counts, tolerance=0.002).unpackable_groups() == [(1,), (2,)]
-    assert BlockingGraph.of(counts, rule="first_hit") is None
+def test_what_counts_as_unpackable_is_blocked_by_nobody():
+    blocks = table((3, 5), (5, 7))
+    free = BlockingGraph(blocking_graph(blocks, IDS, [5])).unpackable_groups()
+    assert free == [(2,), (3,), (5,), (9,)]
 
 
 def test_a_table_of_another_size_is_refused():

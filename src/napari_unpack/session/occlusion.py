@@ -314,7 +314,10 @@ def find_occlusion(
     held: frozenset[int] = frozenset()
     table = _swept_table(key, rays, direction, visible, counts)
     if table is None:
-        blocking = BlockingGraph.of(counts, key.rule, key.tolerance)
+        blocking = None
+        # Other rules count rays or first objects, which do not say which object blocks.
+        if counts.blocks is not None and key.rule == "exact":
+            blocking = BlockingGraph(blocking_graph(counts.blocks, counts.ids, unpackable))
     else:
         ids, blocks, held = table
         # Within the tolerance an object leaves although something blocks it.

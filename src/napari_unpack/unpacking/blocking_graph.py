@@ -12,9 +12,6 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from napari_unpack.geometry.occlusion_counts import OcclusionCounts
-from napari_unpack.unpacking.occlusion import Rule, unpackable_ids
-
 Ids = NDArray[np.int64]
 
 
@@ -42,28 +39,6 @@ class BlockingGraph:
         pairs = np.array(list(self.graph.edges), dtype=np.int64).reshape(-1, 2)
         front, behind = np.searchsorted(ids, pairs).T
         return ids, front, behind
-
-    @classmethod
-    def of(
-        cls, counts: OcclusionCounts, rule: Rule = "exact", tolerance: float = 0.0
-    ) -> BlockingGraph | None:
-        """Make the graph from counts, or return None where there is no table of blockers.
-
-        Objects that are unpackable within the tolerance lose their incoming edges. The table is the
-        `exact` rule's; other rules have none.
-
-        Parameters
-        ----------
-        counts : OcclusionCounts
-            Along -D.
-        rule, tolerance : see `unpackable_ids`
-            Which objects count as unpackable.
-        """
-        # Other rules count rays or first objects, which do not say which object blocks.
-        if counts.blocks is None or rule != "exact":
-            return None
-        unpackable = unpackable_ids(counts, rule, tolerance)
-        return cls(blocking_graph(counts.blocks, counts.ids, unpackable))
 
     def among(self, packed: Iterable[int]) -> BlockingGraph:
         """Return the graph of those still packed."""
