@@ -232,18 +232,14 @@ class Document:
         hold = partial(self.bag.placement, self.view_state.camera)
         return commands.remove(state, plan, hold, self.label_data.most_objects)
 
-    def removed_next(self, count: int, state: SessionState) -> SessionState:
-        """Return a state after the next to leave have left.
-
-        Parameters
-        ----------
-        count : int
-            How many objects are to leave.
-        state : SessionState
-        """
-        return self.removed(self.queries.removal_plan(count, state), state)
-
     # How it is looked at.
+
+    def animate(self, animated: bool) -> None:
+        """Have objects fly from now on, or have none fly: what does lands."""
+        self.flights.set_pace(animated=animated)
+        flying = frozenset() if animated else frozenset(self.flights)
+        if self.flights.land(flying):
+            self.events.states.emit(flying)
 
     def see(self, **changes: Any) -> None:
         """Exchange fields of the view state."""

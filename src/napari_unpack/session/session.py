@@ -202,7 +202,7 @@ class Session:
 
     # Settings; none can be undone.
 
-    animated = Setting(lambda s: s.flights.animated, lambda s, v: s._animate(v))
+    animated = Setting(lambda s: s.flights.animated, lambda s, v: s._doc.animate(v))
     """True: objects fly until `land`. False: verbs finish at once, and what flies lands."""
     seconds = Setting(lambda s: s.flights.seconds, lambda s, v: s.flights.set_pace(seconds=v))
     """What one flight takes."""
@@ -219,8 +219,7 @@ class Session:
     )
     """Interlocked groups of up to so many leave together; a larger one stays."""
     take_least_occluded = Setting(
-        lambda s: s.rules.take_least_occluded,
-        lambda s, v: s._set_rules(take_least_occluded=v),
+        lambda s: s.rules.take_least_occluded, lambda s, v: s._set_rules(take_least_occluded=v)
     )
     """Where nothing is unpackable: True takes the least occluded object, False raises."""
     canvas_size = Setting(lambda s: s._doc.view_state.canvas_size, lambda s, v: s._doc.resize(v))
@@ -238,10 +237,7 @@ class Session:
     decorations = Setting(lambda s: s._doc.view_state.decorations, lambda s, v: s._doc.decorate(v))
     """Background, box and scale bar of every image."""
     length_unit = Setting(lambda s: s.decorations.unit, lambda s, v: s._doc.measure_in(v))
-    """In which lengths are told, a `LengthUnit`; "mm", "µm" or "voxels" set one.
-
-    "µm" reads the session's numbers as µm; `LengthUnit("µm", 1000)` converts true mm.
-    """
+    """A `LengthUnit`, "mm", "voxels", or "µm": mm read as µm; LengthUnit("µm", 1000) converts."""
     tint_mode = Setting(lambda s: s._doc.view_state.tint_mode, lambda s, v: s._doc.set_tints(v))
     """How hues become tints: "perceptual", "hsv" as in the paper, "safe" where red looks green."""
     show_unlabelled = Setting(
@@ -273,11 +269,6 @@ class Session:
         """End a flight: the object is where it was going. Does nothing where there is none."""
         if self.flights.land([object_id]):
             self.events.states.emit(frozenset([object_id]))
-
-    def _animate(self, animated: bool) -> None:
-        self.flights.set_pace(animated=animated)
-        for object_id in () if animated else self.flights:
-            self.land(object_id)
 
     # How it is looked at; nothing here can be undone.
 
@@ -497,11 +488,8 @@ class Session:
         unpackable and `take_least_occluded` is False, and BlockedError where a chosen object is
         blocked by one that was not chosen; both are ValueErrors.
         """
-        which, old = self._doc.how_many_or_which(n_or_ids), self.state
-        if isinstance(which, int):
-            new = self._doc.removed_next(which, old)
-        else:
-            new = self._doc.removed(self.queries.removal_plan(which), old)
+        old = self.state
+        new = self._doc.removed(self.queries.removal_plan(n_or_ids), old)
         left = tuple(i for i in new.placements if i not in old.placements)
         if not left:
             self.events.message.emit("There is nothing left to unpack.")
@@ -572,7 +560,7 @@ class Session:
         try:
             # One by one: a group is one removal, however many are in it.
             while len(new.removals) < step and new.packed(known):
-                new = self._doc.removed_next(1, new)
+                new = self._doc.removed(self.queries.removal_plan(1, new), new)
         except NobodyFreeError as error:
             self.events.message.emit(str(error))
         if new.removals != self.state.removals:
