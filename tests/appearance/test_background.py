@@ -70,6 +70,25 @@ def test_pictures_of_every_usual_kind_are_read_as_their_colours(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("dtype", "white"),
+    [(np.int32, 255), (np.int32, 65535), (np.float32, 1), (np.float32, 255), (np.float32, 65535)],
+)
+def test_pictures_of_wide_numbers_are_as_light_as_their_range_tells(tmp_path, dtype, white):
+    grey = np.array([[0, 51], [102, 255]])
+    Image.fromarray((grey / 255 * white).astype(dtype)).save(tmp_path / "grey.tif")
+    found = Background.of(tmp_path / "grey.tif").image
+    np.testing.assert_array_equal(found, np.stack([grey] * 3, axis=2))
+
+
+@pytest.mark.parametrize("value", [1e6, np.nan, np.inf])
+def test_a_picture_without_a_known_white_is_refused_in_a_sentence(value):
+    picture = np.zeros((4, 4, 3), np.float32)
+    picture[0, 0, 0] = value
+    with pytest.raises(ValueError, match="background must be a picture of values up to 1, 255 or"):
+        Background.of(picture)
+
+
+@pytest.mark.parametrize(
     "wanted",
     [
         "puce",

@@ -14,8 +14,8 @@ def test_hsv_hues_have_full_saturation_and_value():
     )
 
 
-def test_the_table_is_zero_for_the_background_the_hidden_and_the_unknown():
-    table = tints_of({1: 0.0, 3: 1 / 3}, 4, hidden=[1], mode="hsv")
+def test_the_table_is_zero_for_the_background_and_what_has_no_hue():
+    table = tints_of({3: 1 / 3}, 4, mode="hsv")
     assert table.dtype == np.float32
     np.testing.assert_allclose(
         table, [[0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0], [0, 1, 0, 1], [0, 0, 0, 0]], atol=1e-6

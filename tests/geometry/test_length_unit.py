@@ -21,6 +21,11 @@ def test_numbers_of_a_file_may_be_read_as_micrometres_or_converted() -> None:
     assert (read.true_mm, converted.true_mm, MM.true_mm) == (0.001, 1.0, 1.0)
 
 
+def test_a_greek_mu_is_the_micro_sign() -> None:
+    greek = LengthUnit("\N{GREEK SMALL LETTER MU}m", 1000.0)
+    assert greek == LengthUnit("\N{MICRO SIGN}m", 1000.0)
+
+
 def test_a_volume_in_voxels_is_their_number() -> None:
     spacing = (2.5, 0.3, 0.7)
     unit = LengthUnit.voxels(spacing)

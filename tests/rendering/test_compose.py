@@ -22,7 +22,7 @@ from napari_unpack.rendering.rulers import Ruler
 from napari_unpack.rendering.scene import Scene, SceneDifference
 from napari_unpack.session import Session
 from napari_unpack.thread_count import SETTING
-from napari_unpack.unpacking import Flight
+from napari_unpack.unpacking import Ball, Flight
 
 object_image = partial(compose.object_image, backend="cpu")
 packed_image = partial(compose.packed_image, backend="cpu")
@@ -290,7 +290,8 @@ def test_where_a_flight_ends_it_looks_as_its_sprite_does(fov: float) -> None:
     target = Pose(np.array([0.0, -10.0, 25.0]), rotation_about((1, 2, 3), 1.0))
     waiting = replace(make_scene(), packed=frozenset(), poses={1: target})
     box_center = waiting.boxes.center(1, waiting.spacing)
-    flight = Flight(1, box_center, np.array([1.0, 0.0, 0.0]), 40.0, target)
+    around = Ball(np.full(3, 20.0), 30.0)
+    flight = Flight(1, box_center, np.array([1.0, 0.0, 0.0]), 40.0, target, around)
     flying = replace(waiting, flights={1: flight})
     black = Decorations.of("black", [])
     last, sprite = (

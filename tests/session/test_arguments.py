@@ -16,6 +16,7 @@ import napari_unpack as nu
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.session import Session
 from napari_unpack.session.bag_cut import Cutting
+from napari_unpack.session.containers import open_container
 from napari_unpack.session.measurements import SurfacePoint
 from napari_unpack.session.state import UnpackingRules
 
@@ -99,6 +100,22 @@ REFUSED: dict[str, tuple[str, Callable[[Session], Any]]] = {
     "label of a stranger": ("object_id", lambda s: s.label_of(99)),
     "label of -1": ("object_id", lambda s: s.label_of(-1)),
     "label of 1.5": ("object_id", lambda s: s.label_of(1.5)),
+    "tolerance of text": ("tolerance must be a number", sets("tolerance", "0.1")),
+    "groups of 2.7": ("max_group_size must be a whole", sets("max_group_size", 2.7)),
+    "groups of True": ("max_group_size must be a whole", sets("max_group_size", True)),
+    "least of text": ("take_least_occluded must be True", sets("take_least_occluded", "False")),
+    "least of 1": ("take_least_occluded must be True", sets("take_least_occluded", 1)),
+    "rules of text": ("take_least_occluded", lambda s: UnpackingRules(take_least_occluded="no")),
+    "unpack 2.0": ("n_or_ids must be object IDs", lambda s: s.unpack(2.0)),
+    "unpack an array of none": ("n_or_ids must be", lambda s: s.unpack(np.array(2))),
+    "hide an array of none": ("^ids must be object IDs", lambda s: s.hide(np.array(3))),
+    "hide None": ("^ids must be object IDs", lambda s: s.hide(None)),
+    "open a stranger": ("object_id must be", lambda s: open_container(s, 99)),
+    "open a stranger again": ("object_id must be", lambda s: s.opened_bags.open(s, 99)),
+    "look larger": ("rotation", lambda s: s.look(replace(s.camera, rotation=2 * EYE))),
+    "look mirrored": ("rotation", lambda s: s.look(replace(s.camera, rotation=-EYE))),
+    "lock a stranger": ("locked_hues must be objects", sets("locked_hues", [99])),
+    "names of 5": ("name must be", lambda s: s.annotations.name_and_color({1: "a", 2: 5}, {})),
 }
 
 
@@ -156,6 +173,13 @@ def test_numbers_of_numpy_become_plain(session: Session) -> None:
     np.testing.assert_array_equal(session.poses[i].rotation, EYE)
 
 
+def test_hues_of_objects_that_are_gone_may_stay_locked(session: Session) -> None:
+    session.locked_hues = [4]
+    session.delete(4)
+    session.locked_hues |= {3}
+    assert session.locked_hues == {3, 4}
+
+
 def test_a_margin_that_was_refused_leaves_hues_that_separate(session: Session) -> None:
     with pytest.raises(ValueError, match="hue_margin"):
         session.hue_margin = NAN
@@ -186,6 +210,12 @@ def test_numbers_in_the_table_serve_as_names(names: list[Any]) -> None:
     session.rename(2, "a shoe")
     third = "Object 3" if names[2] is None else "3"
     assert session.objects.name.tolist() == ["1", "a shoe", third, "4", "5"]
+
+
+def test_a_name_made_of_a_kind_keeps_its_letters_but_for_the_first() -> None:
+    table = pd.DataFrame({"kind": ["iPhone", "TV remote", "shoe", None, " "]}, index=range(1, 6))
+    names = session_of(stack_of_plates(), objects=table).objects.name.tolist()
+    assert names == ["IPhone 1", "TV remote 2", "Shoe 3", "Object 4", "Object 5"]
 
 
 # Whose arrays they are.

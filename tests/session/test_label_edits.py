@@ -175,6 +175,22 @@ def test_a_brush_is_taken_over_and_can_be_undone() -> None:
     assert_consistent(s)
 
 
+def test_a_new_object_leaves_columns_of_numbers_what_they_are() -> None:
+    volume, labels = dumbbell()
+    facts = pd.DataFrame(
+        {"score": [0.25, 0.5, 0.75], "parent": [0, 1, 1], "shelf": ["a", "b", "c"]},
+        index=pd.Index([1, 2, 3], name="id"),
+    )
+    s = Session(volume, labels, objects=facts)
+    painted = labels.copy()
+    painted[16:19, 2:5, 2:5] = 7
+    s.label_editor.apply(s.label_editor.paint_task(painted).run(no_progress))
+    np.testing.assert_array_equal(s.objects["score"].to_numpy(), [0.25, 0.5, 0.75, np.nan])
+    np.testing.assert_array_equal(s.objects["parent"].to_numpy(), [0.0, 1.0, 1.0, np.nan])
+    assert s.objects["score"].dtype == s.objects["parent"].dtype == np.float64
+    assert s.objects["shelf"].isna().tolist() == [False, False, False, True]
+
+
 def test_a_stroke_on_what_is_outside_is_refused_and_the_rest_counts() -> None:
     s = session()
     s.unpack([2])

@@ -168,6 +168,13 @@ def test_when_time_is_up_it_says_nothing() -> None:
         queries.next_unpackable_task([999])
 
 
+def test_a_number_of_numpy_says_how_many_too() -> None:
+    queries = fresh(0).queries
+    key = queries.next_unpackable_task(np.int64(2)).key
+    assert (key.chosen, key.count) == (None, 2)
+    assert session_of(stack_of_plates()).queries.removal_plan(np.int64(2)).ids == (1, 2)
+
+
 def test_what_ends_in_one_plane_leaves_in_the_order_of_ids_whatever_sums_leave():
     labels = np.zeros((4, 5, 8), np.uint8)
     labels[1, 1:4, 1:3], labels[1, 2:4, 5:7] = 2, 1

@@ -165,6 +165,20 @@ def test_flying_objects_neither_block_nor_leave_again():
     assert session.flights == {}
 
 
+def test_what_flies_lands_when_flights_are_switched_off():
+    session = session_of(stack_of_plates(), clock=lambda: 0.0)
+    session.animated = True
+    session.unpack(2)
+    session.land(1)
+    session.restore([1])
+    heard = []
+    session.events.states.connect(heard.append)
+    session.animated = False
+    assert states(session, 1, 2) == ["PACKED", "UNPACKED"]
+    assert session.flights == {}
+    assert frozenset().union(*heard) == {1, 2}
+
+
 def test_an_object_on_its_way_back_leads_the_queue_and_turns_round():
     clock = [0.0]
     session = session_of(stack_of_plates(), clock=lambda: clock[0])
@@ -322,6 +336,20 @@ def test_a_bad_number_or_id_is_refused_and_nothing_changes(n_or_ids):
     assert states(session, 1, 2, 3) == ["UNPACKED", "UNPACKED", "PACKED"]
     with pytest.raises(TypeError, match="n_or_ids must be object IDs"):
         session.unpack(["1"])
+
+
+def test_what_is_blocked_within_the_tolerance_leaves_before_its_blocker():
+    labels = np.zeros((10, 8, 8), np.uint16)
+    labels[8, 1:7, 1:3] = 1
+    # A third of it, two of its six columns, is behind 1.
+    labels[5, 1:7, 1:7] = 2
+    session = session_of(labels)
+    session.direction = "+z"
+    session.tolerance = 0.3
+    assert session.unpackable() == (1,)
+    session.tolerance = 0.4
+    assert session.unpackable() == (1, 2)
+    assert session.unpack([2]) == (2,)
 
 
 def test_without_a_table_of_blockers_free_objects_leave_and_others_are_refused():

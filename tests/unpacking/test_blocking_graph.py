@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from napari_unpack.geometry.occlusion_counts import OcclusionCounts
-from napari_unpack.unpacking import BlockingGraph, groups, reveal
+from napari_unpack.unpacking import BlockingGraph
 from napari_unpack.unpacking.blocking_graph import blocking_graph, leading_groups
 
 IDS = [2, 3, 5, 7, 9]
@@ -24,21 +23,21 @@ def blocking(*pairs: tuple[int, int]) -> BlockingGraph:
 
 
 def test_a_chain_leaves_one_by_one_blockers_first():
-    assert groups(table((9, 7), (7, 5), (5, 3), (3, 2)), IDS) == [(9,), (7,), (5,), (3,), (2,)]
+    assert blocking((9, 7), (7, 5), (5, 3), (3, 2)).removals(IDS) == [(9,), (7,), (5,), (3,), (2,)]
 
 
 def test_objects_that_hold_each_other_leave_together():
     # 3 and 5 block each other; 2 stands before both; 7 is behind 5; 9 is alone.
     pairs = [(3, 5), (5, 3), (2, 3), (5, 7)]
-    assert groups(table(*pairs), IDS) == [(2,), (3, 5), (7,), (9,)]
     graph = blocking(*pairs)
+    assert graph.removals(IDS) == [(2,), (3, 5), (7,), (9,)]
     assert graph.unpackable_groups() == [(2,), (9,)]
     assert graph.among([3, 5, 7, 9]).unpackable_groups() == [(9,), (3, 5)]
 
 
 def test_reveal_names_everything_that_stands_before_the_target():
     pairs = [(9, 7), (7, 5), (2, 5), (5, 3)]
-    assert reveal(blocking(*pairs).graph, 5) == {9, 7, 2, 5}
+    assert blocking(*pairs).needed(5) == {9, 7, 2, 5}
     assert blocking(*pairs).needed(9) == {9}
     with pytest.raises(ValueError, match="target must be a packed object"):
         blocking().needed(4)
@@ -50,30 +49,21 @@ def test_blockers_are_those_directly_in_front_and_not_among_the_chosen():
     assert graph.blockers([5, 7]) == {2, 9}
 
 
-def test_what_is_free_within_the_tolerance_is_blocked_by_nobody():
-    counts = OcclusionCounts(
-        ids=np.array([1, 2]),
-        samples=np.array([0, 1000, 1000]),
-        hits=np.array([0, 10, 10]),
-        occluded_hits=np.array([0, 0, 1]),
-        occluded_samples=np.array([0, 0, 2]),
-        exact_samples=np.array([0, 0, 2]),
-        blocks=np.array([[False, True], [False, False]]),
-    )
-    assert BlockingGraph.of(counts).unpackable_groups() == [(1,)]
-    assert BlockingGraph.of(counts, tolerance=0.002).unpackable_groups() == [(1,), (2,)]
-    assert BlockingGraph.of(counts, rule="first_hit") is None
+def test_what_counts_as_unpackable_is_blocked_by_nobody():
+    blocks = table((3, 5), (5, 7))
+    free = BlockingGraph(blocking_graph(blocks, IDS, [5])).unpackable_groups()
+    assert free == [(2,), (3,), (5,), (9,)]
 
 
 def test_a_table_of_another_size_is_refused():
     with pytest.raises(ValueError, match=r"blocks must be \(5, 5\)"):
-        groups(np.zeros((2, 2), bool), IDS)
+        blocking_graph(np.zeros((2, 2), bool), IDS)
 
 
 @settings(max_examples=80, deadline=None)
 @given(st.lists(st.tuples(st.sampled_from(IDS), st.sampled_from(IDS)), max_size=12))
 def test_departures_take_everyone_once_and_nobody_before_a_blocker(pairs):
-    order = groups(table(*pairs), IDS)
+    order = blocking(*pairs).removals(IDS)
     assert sorted(i for group in order for i in group) == IDS
     gone: set[int] = set()
     for group in order:

@@ -26,7 +26,7 @@ def camera(direction=(0.0, 0.0, 1.0), fov=0.0) -> Camera:
 def flight(**changes) -> Flight:
     target = Pose(np.array([0.0, 20.0, 150.0]), rotation_about((0, 1, 1), 0.7), 0.5)
     settings = {"start": 10.0, "seconds": 2.0, **changes}
-    return Flight(7, CENTER, np.array([0.0, 0.0, -1.0]), 60.0, target, **settings)
+    return Flight(7, CENTER, np.array([0.0, 0.0, -1.0]), 60.0, target, BALL, **settings)
 
 
 def assert_same(a: Pose, b: Pose, atol: float = 1e-9) -> None:
@@ -103,10 +103,9 @@ def test_until_it_is_clear_of_the_bag_an_object_goes_straight_along_d_and_does_n
     assert (np.diff(gone) >= 0).all()
 
 
-@pytest.mark.parametrize("around", [None, BALL])
-def test_the_way_is_continuous(around):
+def test_the_way_is_continuous():
     now = camera((0.3, -0.5, 0.8), 30.0)
-    poses = [flight(around=around).pose_at(f, now) for f in np.linspace(0, 1, 2001)]
+    poses = [flight().pose_at(f, now) for f in np.linspace(0, 1, 2001)]
     steps = np.linalg.norm(np.diff([p.center for p in poses], axis=0), axis=1)
     assert steps.max() < 1.5
     turns = [np.abs(a.rotation - b.rotation).max() for a, b in pairwise(poses)]
@@ -138,7 +137,7 @@ def test_nobody_flies_through_the_eye():
 
 
 def test_an_object_outside_the_bag_goes_straight_to_its_slot():
-    free = Flight(1, CENTER, np.array([0.0, 0.0, -1.0]), 0.0, flight().target)
+    free = Flight(1, CENTER, np.array([0.0, 0.0, -1.0]), 0.0, flight().target, BALL)
     np.testing.assert_allclose(free.pose_at(0.0, camera()).rotation, camera().rotation)
     assert not np.allclose(free.pose_at(0.1, camera()).rotation, camera().rotation)
 
@@ -180,8 +179,9 @@ def test_an_object_shrinks_as_fast_as_it_goes_so_that_it_stays_in_the_window():
     sideways = now.in_world((0.0, 0.0, 1.0))
     home = packed_pose(CENTER, now).center
     target = Pose(home + np.array([0.0, 0.0, 200.0]), np.eye(3), 0.25)
-    leaving = Flight(7, CENTER, sideways, 60.0, target)
+    leaving = Flight(7, CENTER, sideways, 60.0, target, BALL)
     # Of a box 80 mm wide: how far right its right side is.
     poses = [leaving.pose_at(f, now) for f in np.linspace(0, 1, 200)]
     reach = [pose.center[2] + 40 * pose.scale for pose in poses]
-    assert max(reach) <= home[2] + 200 + 40 * 0.25 + 1e-9
+    # Round the ball it is out by less than sprites keep from the edge.
+    assert max(reach) <= home[2] + 200 + 40 * 0.25 + 0.2

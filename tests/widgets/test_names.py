@@ -111,6 +111,15 @@ def test_quantities_have_the_unit_that_can_be_read() -> None:
         "1.23 mm",
         "12.3 \N{MICRO SIGN}m",
     ]
+    # What rounds to the next unit, or to one digit more before the point.
+    assert [length_words(mm) for mm in (999.6, 999.4, 0.9996, 9.996, 99.96)] == [
+        "1.00 m",
+        "999 mm",
+        "1.00 mm",
+        "10.0 mm",
+        "100 mm",
+    ]
+    assert volume_words(999.6) == "1.00 cm³"
     assert [volume_words(mm3) for mm3 in (185000.0, 999.0, 1.0, 1e-6)] == [
         "185 cm³",
         "999 mm³",

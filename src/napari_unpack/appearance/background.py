@@ -156,9 +156,25 @@ def _checked_picture(picture: NDArray[Any]) -> NDArray[np.uint8]:
     rgb = picture[..., :3]
     if rgb.dtype == np.uint8:
         return np.ascontiguousarray(rgb)
-    # Floats are taken to be in [0, 1], as imageio and napari have them.
-    most = np.iinfo(rgb.dtype).max if np.issubdtype(rgb.dtype, np.integer) else 1.0
-    return np.rint(np.clip(rgb / most, 0, 1) * 255).astype(np.uint8)
+    return np.rint(np.clip(rgb / _white(rgb), 0, 1) * 255).astype(np.uint8)
+
+
+def _white(rgb: NDArray[Any]) -> float:
+    """Return the value of a picture's white."""
+    whole = np.issubdtype(rgb.dtype, np.integer)
+    if whole and rgb.dtype.itemsize <= 2:
+        return float(np.iinfo(rgb.dtype).max)
+    # Wider numbers and floats hold any kind of picture: only its lightest value tells which.
+    lightest = float(rgb.max())
+    # Where it was made smaller or sharper, it may be a little beyond white.
+    if not whole and lightest <= 2.0:
+        return 1.0
+    for white in (255.0, 65535.0):
+        if lightest <= white:
+            return white
+    raise ValueError(
+        f"background must be a picture of values up to 1, 255 or 65,535, got {lightest:g}"
+    )
 
 
 def _mean_color(picture: NDArray[np.uint8]) -> Color:

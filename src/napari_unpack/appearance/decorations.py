@@ -63,13 +63,6 @@ class Decorations:
         ----------
         background : object
             See `Background.of`.
-        decorations : iterable of str
-            Out of "box" and "scale".
-
-        Parameters
-        ----------
-        background : object
-            What `Background.of` takes.
         decorations : iterable of {"box", "scale"}
 
         Raises

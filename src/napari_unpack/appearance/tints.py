@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import Literal, get_args
 
@@ -49,11 +49,14 @@ def safe_to_rgb(hue: ArrayLike) -> NDArray[np.float64]:
     deuteranopes see, simulated by the matrices of Machado, Oliveira and Fernandes 2009
     (severity 1), measured in CIELAB.
     """
+    return _on_ring(_safe_ring(), hue)
+
+
+def _on_ring(ring: NDArray[np.float64], hue: ArrayLike) -> NDArray[np.float64]:
     # Linear between neighbours, so that hues a little apart are never one colour.
     position = np.asarray(hue, dtype=np.float64) % 1.0 * _RING
     low = np.floor(position).astype(int) % _RING
     part = (position - np.floor(position))[..., None]
-    ring = _safe_ring()
     return (1.0 - part) * ring[low] + part * ring[(low + 1) % _RING]
 
 
@@ -114,7 +117,6 @@ OPACITY_POWER = 3
 def tints_of(
     hues: Mapping[int, float],
     max_id: int,
-    hidden: Collection[int] = (),
     mode: Mode = "perceptual",
     colors: Mapping[int, Rgba] | None = None,
 ) -> NDArray[np.float32]:
@@ -126,8 +128,6 @@ def tints_of(
         Hue in [0, 1) by ID.
     max_id : int
         Largest ID of the table.
-    hidden : collection of int
-        IDs to be left out of the image.
     mode : {"perceptual", "safe", "hsv"}
         `hsv` is the paper's, with S = V = 1; `safe` serves people who confuse red and green.
     colors : mapping of int to (float, float, float, float), optional
@@ -137,7 +137,7 @@ def tints_of(
     -------
     (max_id + 1, 4) ndarray of float32
         Straight RGBA by ID with alpha 1, but for own colours that are translucent; zero, that is
-        invisible, for 0, for what is hidden and for IDs without a hue.
+        invisible, for 0 and for IDs without a hue.
 
     Raises
     ------
@@ -147,17 +147,15 @@ def tints_of(
     if mode not in _RINGS:
         raise ValueError(f"mode must be one of {', '.join(MODES)}, got {mode!r}")
     table = np.zeros((max_id + 1, 4), dtype=np.float32)
-    left_out = set(hidden)
-    shown = [i for i in hues if i not in left_out]
-    if not shown:
+    if not hues:
         return table
+    shown = list(hues)
     if min(shown) < 1 or max(shown) > max_id:
         raise ValueError(f"hues must be of IDs 1 to {max_id}, got {min(shown)} to {max(shown)}")
-    values = np.array([hues[i] for i in shown])
-    table[shown, :3] = _RINGS[mode](values)
+    table[shown, :3] = _RINGS[mode](list(hues.values()))
     table[shown, 3] = 1.0
     own = colors or {}
-    for i in own.keys() & set(shown):
+    for i in own.keys() & hues.keys():
         *rgb, opacity = own[i]
         table[i] = *rgb, opacity**OPACITY_POWER
     return table
@@ -260,11 +258,7 @@ def perceptual_to_rgb(hue: ArrayLike) -> NDArray[np.float64]:
     and comes out pastel. They lean towards each hue's most colourful point in sRGB, within a
     band of lightness so that no object looks lit differently.
     """
-    position = np.asarray(hue, dtype=np.float64) % 1.0 * _RING
-    low = np.floor(position).astype(int) % _RING
-    part = (position - np.floor(position))[..., None]
-    ring = _even_ring()
-    return (1.0 - part) * ring[low] + part * ring[(low + 1) % _RING]
+    return _on_ring(_even_ring(), hue)
 
 
 _RED = 27.0 / 360.0

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 MICRO = "\N{MICRO SIGN}m"
+# Many keyboards have the letter, which looks the same.
+GREEK_MICRO = "\N{GREEK SMALL LETTER MU}m"
 UNITS = ("mm", MICRO, "voxels")
 
 # A volume of so many mm³ and more is told in cm³: bags are, and small parts are not.
@@ -38,6 +40,8 @@ class LengthUnit:
 
     def __post_init__(self) -> None:
         """Refuse what is no unit."""
+        if self.name == GREEK_MICRO:
+            object.__setattr__(self, "name", MICRO)
         if self.name not in UNITS:
             raise ValueError(f"unit must be one of {', '.join(UNITS)}, got {self.name!r}")
         if not 0 < self.per_mm < float("inf"):

@@ -49,7 +49,6 @@ def slerp(first: Matrix, second: Matrix, fraction: float) -> Matrix:
         0 gives the first, 1 the second.
     """
     both = Rotation.from_matrix(np.stack([first, second]))
-    # At the ends the rotation is exactly one of the two.
     return Slerp([0.0, 1.0], both)(float(np.clip(fraction, 0.0, 1.0))).as_matrix()
 
 

@@ -84,7 +84,11 @@ class Annotations:
         ------
         ValueError
             If there is no such object, or something is no colour.
+        TypeError
+            If a name is no text.
         """
+        for name in names.values():
+            checked_kind(name, str, "name")
         state, checked = self._doc.state, {i: _checked_color(c) for i, c in colors.items()}
         self._doc.checked([*names, *checked])
         called = self._doc.objects["name"]

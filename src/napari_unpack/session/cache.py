@@ -1,4 +1,4 @@
-"""Results under the keys they depend on: a stale one is never found, so none is ever thrown out."""
+"""Results under the keys they depend on: a stale one is never found; a few of a kind are kept."""
 
 from __future__ import annotations
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.appearance.minimum_opacity import air_among
 from napari_unpack.geometry.axes import Matrix
+from napari_unpack.session.validation import checked_id
 
 if TYPE_CHECKING:
     from napari_unpack.session.session import Session
@@ -71,7 +72,7 @@ def open_container(session: Session, object_id: int, rotation: Matrix | None = N
     Raises
     ------
     ValueError
-        If it is of one piece.
+        If it is of one piece, or there is no such object.
 
     Notes
     -----
@@ -79,6 +80,7 @@ def open_container(session: Session, object_id: int, rotation: Matrix | None = N
     are found here by density: three classes by the thresholds of Otsu's method for several
     classes, connected, the smallest given to their neighbours.
     """
+    object_id = checked_id(object_id, session.label_data.known)
     labels, inside, volume = _contents(session, object_id)
     parts = np.where(inside, labels, 0)
     objects, known = session.objects, len(np.unique(parts[inside])) > 1

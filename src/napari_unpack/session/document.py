@@ -15,6 +15,7 @@ from napari_unpack.appearance.tints import Mode
 from napari_unpack.geometry.length_unit import LengthUnit
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
+from napari_unpack.rendering.validation import MOST_PLANES
 from napari_unpack.session import commands
 from napari_unpack.session.bag_cut import Cut, without
 from napari_unpack.session.commands import RemovalPlan
@@ -230,18 +231,14 @@ class Document:
         hold = partial(self.bag.placement, self.view_state.camera)
         return commands.remove(state, plan, hold, self.label_data.most_objects)
 
-    def removed_next(self, count: int, state: SessionState) -> SessionState:
-        """Return a state after the next to leave have left.
-
-        Parameters
-        ----------
-        count : int
-            How many objects are to leave.
-        state : SessionState
-        """
-        return self.removed(self.queries.removal_plan(count, state), state)
-
     # How it is looked at.
+
+    def animate(self, animated: bool) -> None:
+        """Have objects fly from now on, or have none fly: what does lands."""
+        self.flights.set_pace(animated=animated)
+        flying = frozenset() if animated else frozenset(self.flights)
+        if self.flights.land(flying):
+            self.events.states.emit(flying)
 
     def see(self, **changes: Any) -> None:
         """Exchange fields of the view state."""
@@ -249,7 +246,9 @@ class Document:
 
     def lock(self, ids: Iterable[int]) -> None:
         """Have recolouring leave the hues of some objects alone, and of no others."""
-        self.see(locked_hues=frozenset(int(i) for i in ids))
+        # What was locked and is gone since stays so: undo may bring it back.
+        known = self.label_data.known | self.view_state.locked_hues
+        self.see(locked_hues=frozenset(checked_ids(ids, known, "locked_hues")))
 
     def look(self, camera: Camera, view: View) -> None:
         """Take over a camera and the view it stands for.
@@ -308,7 +307,13 @@ class Document:
         """
         shape = self.label_data.labels.shape
         others = without(self.view_state.clipping, self.state.cut.rows(self.spacing, shape))
-        return checked_planes(np.concatenate([others, cut.rows(self.spacing, shape)]))
+        planes = np.concatenate([others, cut.rows(self.spacing, shape)])
+        if len(planes) > MOST_PLANES:
+            raise ValueError(
+                f"There is room for {MOST_PLANES} clipping planes, and there would be "
+                f"{len(planes)}: take some away first."
+            )
+        return checked_planes(planes)
 
     def decorate(self, decorations: Decorations) -> None:
         """Take another background, box and scale bar; what is told of lengths stays."""

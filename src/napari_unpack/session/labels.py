@@ -83,7 +83,7 @@ def object_table(
     # Ground truth of simulated bags says kinds and no names.
     if "name" not in known and "kind" in known:
         found["name"] = [
-            f"{(isinstance(kind, str) and one_line(kind).capitalize()) or 'Object'} {i}"
+            f"{(isinstance(kind, str) and _with_capital(one_line(kind))) or 'Object'} {i}"
             for i, kind in zip(known_by, known["kind"], strict=True)
         ]
     for column in found:
@@ -113,6 +113,11 @@ def _names(column: pd.Series) -> pd.Series:
 def one_line(name: str) -> str:
     """Return a name as tables and sentences have room for it: white space is one space."""
     return " ".join(name.split())
+
+
+def _with_capital(words: str) -> str:
+    """Return words with their first letter raised and the others as they are."""
+    return words[:1].upper() + words[1:]
 
 
 def _numbers(column: pd.Series) -> pd.Series:
@@ -244,7 +249,7 @@ class LabelData:
         Of these labels and those before. Tables by ID never shrink: a worker may still cast
         labels that have been edited since.
     most_objects : int
-        Of these labels and those before; slots are planned for so many.
+        Of these labels and those before; slots are planned for up to so many.
     edit : Edit, optional
         The last change made to them.
     revision : int
@@ -302,7 +307,7 @@ class LabelData:
         TypeError
             If it is no whole number.
         ValueError
-            If no object ever had it.
+            If it is negative, or larger than that of every object there was.
         """
         object_id = checked_whole(object_id, "object_id")
         if object_id > self.largest_id:
@@ -540,9 +545,11 @@ def _completed(
         # Measured already; a name is inherited, as what was given is.
         if column in after and column != "name":
             continue
+        # Nothing among numbers: with None in it a column could not be reckoned with any more.
+        nothing = np.nan if pd.api.types.is_numeric_dtype(facts[column].dtype) else None
         values = [
             before.at[sources[i], column] if i in sources else after[column].get(i)
-            if column in after else None
+            if column in after else nothing
             for i in after.index
         ]  # fmt: skip
         after[column] = pd.Series(values, after.index, dtype=object).infer_objects()

@@ -73,7 +73,7 @@ def facts_of(session: Session, object_id: int) -> Facts:
         float(densities.mean()) if densities.size else float("nan"),
         float(densities.std()) if densities.size else float("nan"),
         float(row["confidence"]),
-        _neighbours(labels, mine),
+        _neighbours(labels, object_id),
         reasons_of(session, object_id) if np.isfinite(float(row["confidence"])) else (),
     )
 
@@ -103,8 +103,9 @@ def reasons_of(session: Session, object_id: int) -> tuple[str, ...]:
     return reasons(oracle, features(region))
 
 
-def _neighbours(labels: NDArray[np.uint16], mine: NDArray[np.bool_]) -> tuple[int, ...]:
+def _neighbours(labels: NDArray[np.uint16], object_id: int) -> tuple[int, ...]:
     counts: dict[int, int] = {}
+    mine = labels == object_id
     for axis in range(3):
         here, there = np.moveaxis(mine, axis, 0), np.moveaxis(labels, axis, 0)
         for own, other in ((here[1:], there[:-1]), (here[:-1], there[1:])):
@@ -112,6 +113,4 @@ def _neighbours(labels: NDArray[np.uint16], mine: NDArray[np.bool_]) -> tuple[in
                 *np.unique(other[own & (other > 0)], return_counts=True), strict=True
             ):
                 counts[int(label)] = counts.get(int(label), 0) + int(faces)
-    own_label = {int(i) for i in np.unique(labels[mine])}
-    others = [i for i in counts if i not in own_label]
-    return tuple(sorted(others, key=lambda i: (-counts[i], i)))
+    return tuple(sorted(counts.keys() - {object_id}, key=lambda i: (-counts[i], i)))

@@ -20,13 +20,13 @@ from napari_unpack.tasks import Progress, Task
 from napari_unpack.unpacking import BlockingGraph, ratios, unpackable_ids
 from napari_unpack.unpacking.blocking_graph import blocking_graph, leading_groups
 from napari_unpack.unpacking.occlusion import Rule
+from napari_unpack.unpacking.queue import Group
 
 if TYPE_CHECKING:
     import networkx as nx
 
     from napari_unpack.session.labels import LabelData
 
-Group = tuple[int, ...]
 
 # Share of an object's samples behind others above which it is held by more than the corners of
 # its neighbours' voxels, so that moving it would tell nothing new.
@@ -314,7 +314,10 @@ def find_occlusion(
     held: frozenset[int] = frozenset()
     table = _swept_table(key, rays, direction, visible, counts)
     if table is None:
-        blocking = BlockingGraph.of(counts, key.rule, key.tolerance)
+        blocking = None
+        # Other rules count rays or first objects, which do not say which object blocks.
+        if counts.blocks is not None and key.rule == "exact":
+            blocking = BlockingGraph(blocking_graph(counts.blocks, counts.ids, unpackable))
     else:
         ids, blocks, held = table
         # Within the tolerance an object leaves although something blocks it.

@@ -281,9 +281,9 @@ def launch(
             placement.direction,
             clear,
             pose,
+            bag.ball(object_id, pose),
             start,
             seconds,
             back,
-            bag.ball(object_id, pose),
         )
     return flights

@@ -9,6 +9,8 @@ UNITS = (("m", 1e-3), ("mm", 1.0), (MICRO, 1e3))
 # Cubes of centimetres are what luggage is measured in; those of metres are not.
 CUBES = (("cm\N{SUPERSCRIPT THREE}", 1e-3), ("mm\N{SUPERSCRIPT THREE}", 1.0))
 TINY_CUBE = "\N{MICRO SIGN}m\N{SUPERSCRIPT THREE}", 1e9
+# Written with three digits it is 1.00.
+NEARLY_ONE = 0.9995
 DEGREE = "\N{DEGREE SIGN}"
 
 
@@ -25,7 +27,7 @@ def length_words(mm: float, unit: LengthUnit = MM) -> str:
     if unit.name != MM.name:
         return f"{three_digits(mm * unit.per_mm)} {unit.name}"
     mm *= unit.per_mm
-    name, per_mm = next(((u, n) for u, n in UNITS if mm * n >= 1.0), UNITS[-1])
+    name, per_mm = next(((u, n) for u, n in UNITS if mm * n >= NEARLY_ONE), UNITS[-1])
     return f"{three_digits(mm * per_mm)} {name}"
 
 
@@ -43,7 +45,7 @@ def volume_words(mm3: float, unit: LengthUnit = MM) -> str:
         volumes = unit.volume_unit(mm3)
         return f"{three_digits(mm3 * volumes.per_mm3)} {volumes.name}"
     mm3 *= unit.per_mm**3
-    name, per_mm3 = next(((u, n) for u, n in CUBES if mm3 * n >= 1.0), TINY_CUBE)
+    name, per_mm3 = next(((u, n) for u, n in CUBES if mm3 * n >= NEARLY_ONE), TINY_CUBE)
     return f"{three_digits(mm3 * per_mm3)} {name}"
 
 
@@ -54,5 +56,5 @@ def angle_words(degrees: float) -> str:
 
 def three_digits(value: float) -> str:
     """Return a number with three digits that count, or more before the point."""
-    decimals = 0 if value >= 100 else 1 if value >= 10 else 2
+    decimals = 0 if value >= 99.95 else 1 if value >= 9.995 else 2
     return f"{value:.{decimals}f}"

@@ -51,7 +51,6 @@ from napari_unpack.session.occlusion import (
 )
 from napari_unpack.session.query_keys import BagUpKey, LabelsKey, SlotsKey, StatesKey
 from napari_unpack.session.state import Group, Placement, SessionState
-from napari_unpack.session.validation import checked_ids
 from napari_unpack.tasks import Progress, Task, no_progress
 from napari_unpack.unpacking import Queue, Slots, arrange, bag_up, oriented_box, room_for
 from napari_unpack.unpacking.direction_survey import BestDirection, RevealPlan, best_direction
@@ -254,10 +253,9 @@ class Queries:
             If an ID is unknown.
         """
         session = self._session
-        chosen, count = None, n_or_ids
+        chosen, count = None, session.how_many_or_which(n_or_ids)
         if not isinstance(count, int):
-            wanted = checked_ids(count, session.label_data.known, "n_or_ids")
-            chosen = self.packed.intersection(wanted)
+            chosen = self.packed.intersection(count)
             count = len(chosen)
         key = self._next_key(chosen, count)
         # Moving voxels tells whether something blocks and not how much, as other rules ask.
@@ -356,9 +354,10 @@ class Queries:
             By default the state of now.
         """
         state = self._session.state if state is None else state
-        if isinstance(n_or_ids, int):
-            return self._next_removals(n_or_ids, state)
-        return self._chosen_removals(list(n_or_ids), state)
+        which = self._session.how_many_or_which(n_or_ids)
+        if isinstance(which, int):
+            return self._next_removals(which, state)
+        return self._chosen_removals(which, state)
 
     def _next_removals(self, count: int, state: SessionState) -> RemovalPlan:
         packed, queue = state.packed(self._session.label_data.known), state.queue
@@ -380,7 +379,7 @@ class Queries:
                 if found:
                     break
                 raise NobodyFreeError(
-                    f"{NOTHING_UNPACKABLE}; {self._least_sentence(packed, source)}. "
+                    f"{NOTHING_UNPACKABLE}; {self._least_sentence(packed)}. "
                     "Choose another direction, or unpack the least occluded object."
                 )
             group, least = filled.groups[0], filled.least_occluded
@@ -472,11 +471,11 @@ class Queries:
             packed, queue = packed - len(group), queue.without(group)
         return RemovalPlan(tuple(removals), queue)
 
-    def _least_sentence(self, packed: frozenset[int], known: OcclusionResult | None) -> str:
-        least = known.least_occluded(packed) if known else min(packed)
-        ratio = known.first_hit.get(least, 0.0) if known else 0.0
+    def _least_sentence(self, packed: frozenset[int]) -> str:
+        known = self.occlusion(packed=packed)
+        least = known.least_occluded(packed)
         (name,) = self._session.names([least])
-        return least_occluded_sentence(name, ratio)
+        return least_occluded_sentence(name, known.first_hit.get(least, 0.0))
 
     def _known_next(
         self, chosen: frozenset[int] | None, count: int, packed: frozenset[int]

@@ -19,7 +19,7 @@ class StatesKey(NamedTuple):
 class SlotsKey(NamedTuple):
     """What the places beside the bag depend on."""
 
-    objects: int
+    wanted: int
     radius: float
     canvas_size: tuple[int, int]
     fov: float

@@ -182,7 +182,7 @@ class Session:
     states = Read(lambda s: s.queries.states())
     """Where every object is (`ObjectState`), by ID; treat as read-only."""
     slots = Read(lambda s: s.queries.slots())
-    """Where unpacked objects wait, planned for all of them at once."""
+    """Where unpacked objects wait: more slots, in steps, as more of them are out."""
     hues = Read(lambda s: dict(s._doc.state.hues))
     """Hue in [0, 1) by ID; a copy."""
     objects = Read(lambda s: s._doc.objects)
@@ -202,8 +202,8 @@ class Session:
 
     # Settings; none can be undone.
 
-    animated = Setting(lambda s: s.flights.animated, lambda s, v: s.flights.set_pace(animated=v))
-    """False: verbs finish at once. True: objects fly until `land`."""
+    animated = Setting(lambda s: s.flights.animated, lambda s, v: s._doc.animate(v))
+    """True: objects fly until `land`. False: verbs finish at once, and what flies lands."""
     seconds = Setting(lambda s: s.flights.seconds, lambda s, v: s.flights.set_pace(seconds=v))
     """What one flight takes."""
     clock = Setting(lambda s: s.flights.clock, lambda s, v: s.flights.set_pace(clock=v))
@@ -212,15 +212,14 @@ class Session:
     """The rules by which objects may leave; setting others empties the queue."""
     rule = Setting(lambda s: s.rules.rule, lambda s, v: s._set_rules(rule=v))
     """What counts as unpackable; this and the next three are of `UnpackingRules`."""
-    tolerance = Setting(lambda s: s.rules.tolerance, lambda s, v: s._set_rules(tolerance=float(v)))
+    tolerance = Setting(lambda s: s.rules.tolerance, lambda s, v: s._set_rules(tolerance=v))
     """Share of an object that may be blocked and it still counts as unpackable."""
     max_group_size = Setting(
-        lambda s: s.rules.max_group_size, lambda s, v: s._set_rules(max_group_size=int(v))
+        lambda s: s.rules.max_group_size, lambda s, v: s._set_rules(max_group_size=v)
     )
     """Interlocked groups of up to so many leave together; a larger one stays."""
     take_least_occluded = Setting(
-        lambda s: s.rules.take_least_occluded,
-        lambda s, v: s._set_rules(take_least_occluded=bool(v)),
+        lambda s: s.rules.take_least_occluded, lambda s, v: s._set_rules(take_least_occluded=v)
     )
     """Where nothing is unpackable: True takes the least occluded object, False raises."""
     canvas_size = Setting(lambda s: s._doc.view_state.canvas_size, lambda s, v: s._doc.resize(v))
@@ -238,7 +237,7 @@ class Session:
     decorations = Setting(lambda s: s._doc.view_state.decorations, lambda s, v: s._doc.decorate(v))
     """Background, box and scale bar of every image."""
     length_unit = Setting(lambda s: s.decorations.unit, lambda s, v: s._doc.measure_in(v))
-    """In which lengths are told, a `LengthUnit`; "mm", "µm" or "voxels" set one."""
+    """A `LengthUnit`, "mm", "voxels", or "µm": mm read as µm; LengthUnit("µm", 1000) converts."""
     tint_mode = Setting(lambda s: s._doc.view_state.tint_mode, lambda s, v: s._doc.set_tints(v))
     """How hues become tints: "perceptual", "hsv" as in the paper, "safe" where red looks green."""
     show_unlabelled = Setting(
@@ -286,7 +285,8 @@ class Session:
         self._doc.look(camera, view)
 
     def look(self, camera: Camera) -> None:
-        """Take over the camera that draws."""
+        """Take over the camera that draws; ValueError if its rotation enlarges or mirrors."""
+        validation.checked_rotation(camera.rotation)
         direction, up, center = (triple(v) for v in (camera.direction, camera.up, camera.center))
         view = View(direction, up, center, camera.height, camera.fov)
         self._doc.look(camera, view)
@@ -489,11 +489,8 @@ class Session:
         unpackable and `take_least_occluded` is False, and BlockedError where a chosen object is
         blocked by one that was not chosen; both are ValueErrors.
         """
-        which, old = self._doc.how_many_or_which(n_or_ids), self.state
-        if isinstance(which, int):
-            new = self._doc.removed_next(which, old)
-        else:
-            new = self._doc.removed(self.queries.removal_plan(which), old)
+        old = self.state
+        new = self._doc.removed(self.queries.removal_plan(n_or_ids), old)
         left = tuple(i for i in new.placements if i not in old.placements)
         if not left:
             self.events.message.emit("There is nothing left to unpack.")
@@ -565,7 +562,7 @@ class Session:
         try:
             # One by one: a group is one removal, however many are in it.
             while len(new.removals) < step and new.packed(known):
-                new = self._doc.removed_next(1, new)
+                new = self._doc.removed(self.queries.removal_plan(1, new), new)
         except NobodyFreeError as error:
             self.events.message.emit(str(error))
         if new.removals != self.state.removals:

@@ -23,10 +23,10 @@ from napari_unpack.session.object_state import ObjectState
 from napari_unpack.session.validation import checked_planes, checked_whole
 from napari_unpack.unpacking import Queue, Slots
 from napari_unpack.unpacking.occlusion import Rule
+from napari_unpack.unpacking.queue import Group
 
-__all__ = ["ObjectState", "Placement", "SessionState", "UnpackingRules", "ViewState"]
+__all__ = ["Group", "ObjectState", "Placement", "SessionState", "UnpackingRules", "ViewState"]
 
-Group = tuple[int, ...]
 Flag = Literal["suspicious", "cleared"]
 FLAGS: tuple[Flag, ...] = get_args(Flag)
 
@@ -325,7 +325,7 @@ class UnpackingRules:
     ValueError
         If there is no such rule, or a number is out of range.
     TypeError
-        If one is no number, or not whole.
+        If one is no number, not whole, or neither True nor False.
     """
 
     rule: Rule = "exact"
@@ -342,6 +342,10 @@ class UnpackingRules:
         object.__setattr__(self, "tolerance", number(self.tolerance, "tolerance"))
         most = checked_whole(self.max_group_size, "max_group_size")
         object.__setattr__(self, "max_group_size", most)
+        if not isinstance(self.take_least_occluded, bool | np.bool_):
+            raise TypeError(
+                f"take_least_occluded must be True or False, got {self.take_least_occluded!r}"
+            )
         object.__setattr__(self, "take_least_occluded", bool(self.take_least_occluded))
         if not 0.0 <= self.tolerance < 1.0:
             raise ValueError(f"tolerance must be in [0, 1), got {self.tolerance!r}")

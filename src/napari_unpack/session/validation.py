@@ -103,7 +103,7 @@ def checked_ids(ids: int | Iterable[int], known: Iterable[int], name: str = "ids
     ValueError
         If one is not among the known.
     """
-    given = [ids] if isinstance(ids, int | np.integer) else list(ids)
+    given = list(ids) if np.iterable(ids) else [ids]
     for i in given:
         if not is_integer(i):
             raise TypeError(f"{name} must be object IDs (integers), got {i!r}")

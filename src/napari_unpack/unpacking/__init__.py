@@ -1,6 +1,6 @@
 """Which objects can leave, in which order, along which path, and where they wait."""
 
-from napari_unpack.unpacking.blocking_graph import BlockingGraph, groups, reveal
+from napari_unpack.unpacking.blocking_graph import BlockingGraph
 from napari_unpack.unpacking.direction import AXES, bag_up, named, towards_viewer
 from napari_unpack.unpacking.flight_path import Ball, Flight, clearance
 from napari_unpack.unpacking.occlusion import ratios, unpackable_ids
@@ -27,14 +27,12 @@ __all__ = [
     "bag_up",
     "broad_side",
     "clearance",
-    "groups",
     "hull_vertices",
     "image_extent",
     "named",
     "oriented_box",
     "outline",
     "ratios",
-    "reveal",
     "room_for",
     "towards_viewer",
     "unpackable_ids",

@@ -12,9 +12,6 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from napari_unpack.geometry.occlusion_counts import OcclusionCounts
-from napari_unpack.unpacking.occlusion import Rule, unpackable_ids
-
 Ids = NDArray[np.int64]
 
 
@@ -42,28 +39,6 @@ class BlockingGraph:
         pairs = np.array(list(self.graph.edges), dtype=np.int64).reshape(-1, 2)
         front, behind = np.searchsorted(ids, pairs).T
         return ids, front, behind
-
-    @classmethod
-    def of(
-        cls, counts: OcclusionCounts, rule: Rule = "exact", tolerance: float = 0.0
-    ) -> BlockingGraph | None:
-        """Make the graph from counts, or return None where there is no table of blockers.
-
-        Objects that are unpackable within the tolerance lose their incoming edges. The table is the
-        `exact` rule's; other rules have none.
-
-        Parameters
-        ----------
-        counts : OcclusionCounts
-            Along -D.
-        rule, tolerance : see `unpackable_ids`
-            Which objects count as unpackable.
-        """
-        # Other rules count rays or first objects, which do not say which object blocks.
-        if counts.blocks is None or rule != "exact":
-            return None
-        unpackable = unpackable_ids(counts, rule, tolerance)
-        return cls(blocking_graph(counts.blocks, counts.ids, unpackable))
 
     def among(self, packed: Iterable[int]) -> BlockingGraph:
         """Return the graph of those still packed."""
@@ -116,11 +91,25 @@ class BlockingGraph:
         return {before for i in wanted for before in self.graph.predecessors(i)} - wanted
 
     def needed(self, target: int) -> set[int]:
-        """Return the smallest set, the target included, that must leave to get at the target."""
-        return reveal(self.graph, target)
+        """Return the smallest set, the target included, that must leave to get at the target.
+
+        Raises
+        ------
+        ValueError
+            If the target is not in the graph.
+        """
+        if target not in self.graph:
+            raise ValueError(f"target must be a packed object, got {target!r}")
+        return {*nx.ancestors(self.graph, target), target}
 
     def removals(self, ids: Iterable[int]) -> list[tuple[int, ...]]:
-        """Order objects into groups so that none leaves before what blocks it."""
+        """Order objects into groups so that none leaves before what blocks it.
+
+        Notes
+        -----
+        Removable subassemblies of a directional blocking graph, Wilson & Latombe 1994; the paper's
+        "group-by-group" (section 5) leaves open which groups.
+        """
         part = self.graph.subgraph(ids)
         # Components of a circle become one node, so the order below exists.
         condensed = nx.condensation(part)
@@ -161,31 +150,6 @@ def blocking_graph(
         if row != column and names[column] not in exempt:
             graph.add_edge(names[row], names[column])
     return graph
-
-
-def groups(blocks: NDArray[np.bool_], ids: Iterable[int]) -> list[tuple[int, ...]]:
-    """Return the sets of objects that hold one another, ordered so that blockers come first.
-
-    Parameters
-    ----------
-    blocks : (n, n) ndarray of bool
-        Row blocks column.
-    ids : (n,) iterable of int
-        The IDs of rows and columns.
-
-    Returns
-    -------
-    list of tuple of int
-        Strongly connected components of the blocking graph in an order in which they can leave;
-        most have one member.
-
-    Notes
-    -----
-    Removable subassemblies of a directional blocking graph, Wilson & Latombe 1994; the paper's
-    "group-by-group" (section 5) leaves open which groups.
-    """
-    names = list(ids)
-    return BlockingGraph(blocking_graph(blocks, names)).removals(names)
 
 
 def leading_groups(
@@ -234,23 +198,3 @@ def leading_groups(
         if len(graph) <= most and nx.is_strongly_connected(graph):
             yielded.update(graph)
             yield tuple(sorted(graph))
-
-
-def reveal(graph: nx.DiGraph, target: int) -> set[int]:
-    """Return the target and everything that must leave before it, directly or not.
-
-    Parameters
-    ----------
-    graph : networkx.DiGraph
-        An edge leads from the blocking object to the blocked one.
-    target : int
-        ID of the buried object.
-
-    Raises
-    ------
-    ValueError
-        If the target is not in the graph.
-    """
-    if target not in graph:
-        raise ValueError(f"target must be a packed object, got {target!r}")
-    return set(nx.ancestors(graph, target)) | {target}

@@ -14,8 +14,8 @@ from scipy.sparse.csgraph import connected_components
 from napari_unpack.geometry.axes import Vector
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.unpacking.occlusion import unpackable_ids
+from napari_unpack.unpacking.queue import Group
 
-Group = tuple[int, ...]
 Mask = NDArray[np.bool_]
 
 # (26, 3) unit vectors to the faces, edges and corners of a cube; k and 25 - k are opposite.

@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from napari_unpack.geometry.axes import Vector, unit
 from napari_unpack.geometry.easing import ease
@@ -141,14 +141,14 @@ class Flight:
         Length of the first leg, mm.
     target : Pose
         Its place outside the bag (the paper's u), pivot space.
+    around : Ball
+        What the second leg leads round: the bag.
     start : float
         When it leaves, s, on whatever clock `pose` is asked with.
     seconds : float
         How long it takes.
     back : bool
         True on the way into the bag.
-    around : Ball, optional
-        What the second leg leads round: the bag.
     before : Flight, optional
         The flight that it was until it was sent elsewhere: it turns from one to the other.
     sent : float
@@ -165,10 +165,10 @@ class Flight:
     direction: Vector
     clear: float
     target: Pose
+    around: Ball
     start: float = 0.0
     seconds: float = 1.5
     back: bool = False
-    around: Ball | None = None
     before: Flight | None = None
     sent: float = 0.0
 
@@ -225,17 +225,11 @@ class Flight:
         rest = (fraction - first) / (1.0 - first)
         turned = outside.toward(self.target, ease(rest))
         along = unit(camera.linear @ self.direction)
-        if self.around is not None:
-            middle = packed_pose(self.around.center, camera).center
-            ends = outside.center, along, self.target.center
-            gone = 1.0 - (1.0 - rest) ** 2
-            place = path_around_bag(*ends, middle, self.around.radius, gone)
-            place = _before_the_eye(place, camera)
-        else:
-            gone = 1.0 - (1.0 - rest) ** 3
-            ahead = outside.center + along * min(0.35 * self.clear, way / 3)
-            ahead = _before_the_eye(ahead, camera)
-            place = _bezier(outside.center, ahead, self.target.center, gone)
+        middle = packed_pose(self.around.center, camera).center
+        ends = outside.center, along, self.target.center
+        gone = 1.0 - (1.0 - rest) ** 2
+        place = path_around_bag(*ends, middle, self.around.radius, gone)
+        place = _before_the_eye(place, camera)
         # Size keeps pace with place: an object still large beside its slot would leave the window.
         scale = outside.toward(self.target, gone).scale
         return replace(turned, center=place, scale=scale)
@@ -303,10 +297,6 @@ class Flight:
         if time is None or not self.start < time < self.start + self.seconds:
             return replace(self, target=target, before=None)
         return replace(self, target=target, before=self, sent=time)
-
-
-def _bezier(a: Vector, b: Vector, c: Vector, s: float) -> NDArray[np.float64]:
-    return (1 - s) ** 2 * a + 2 * s * (1 - s) * b + s**2 * c
 
 
 def _before_the_eye(center: Vector, camera: Camera) -> Vector:

@@ -229,11 +229,12 @@ def least_rectangle(points: NDArray[np.float64], normal: Vector) -> Matrix:
     return np.stack([normal, first, np.cross(normal, first)])
 
 
-# Degrees by which the top and a side are turned to the viewer, so that depth shows.
+# Degrees about the axes right and down by which a top and a side are turned to the viewer, so that
+# depth shows.
 SLANT = (18.0, -24.0)
 
 
-def broad_side(box: OrientedBox, seen: ArrayLike, slant: tuple[float, float] = SLANT) -> Matrix:
+def broad_side(box: OrientedBox, seen: ArrayLike) -> Matrix:
     """Return the turn that shows an object's largest face, nearest to how it is seen now.
 
     Parameters
@@ -242,8 +243,6 @@ def broad_side(box: OrientedBox, seen: ArrayLike, slant: tuple[float, float] = S
         Around the object, (stretched) world.
     seen : (3, 3) array_like
         From world axes to pivot axes, as the object is seen now (the camera's rotation).
-    slant : (float, float)
-        Degrees about the axes right and down.
 
     Returns
     -------
@@ -259,13 +258,13 @@ def broad_side(box: OrientedBox, seen: ArrayLike, slant: tuple[float, float] = S
             alike = float((turn * now).sum())
             if alike > fit + 1e-9:
                 best, fit = turn, alike
-    about_right = rotation_about((0.0, 0.0, 1.0), np.radians(slant[0]))
-    about_down = rotation_about((0.0, 1.0, 0.0), np.radians(slant[1]))
+    about_right = rotation_about((0.0, 0.0, 1.0), np.radians(SLANT[0]))
+    about_down = rotation_about((0.0, 1.0, 0.0), np.radians(SLANT[1]))
     return about_right @ about_down @ best
 
 
 def image_extent(
-    points: ArrayLike, rotation: Matrix, spacing: ArrayLike, middle: ArrayLike | None = None
+    points: ArrayLike, rotation: Matrix, spacing: ArrayLike, middle: ArrayLike
 ) -> tuple[float, float]:
     """Return width and height in mm of the image of points held at a turn.
 
@@ -277,14 +276,12 @@ def image_extent(
         From world axes to pivot axes, a stretch of the bag included.
     spacing : (3,) array_like
         Voxel size in mm, added around the centres.
-    middle : (3,) array_like, optional
-        World point that stands in the middle of the image, which reaches as far to both sides
-        of it; by default the image is as small as it can be.
+    middle : (3,) array_like
+        World point that stands in the middle of the image, which reaches as far to both sides.
     """
-    away = np.asarray(points, dtype=np.float64) @ rotation.T
-    if middle is None:
-        extent = np.ptp(away, axis=0)
-    else:
-        extent = 2 * np.abs(away - np.asarray(middle, dtype=np.float64) @ rotation.T).max(axis=0)
+    away = (
+        np.asarray(points, dtype=np.float64) - np.asarray(middle, dtype=np.float64)
+    ) @ rotation.T
+    extent = 2 * np.abs(away).max(axis=0)
     extent += np.abs(rotation) @ np.asarray(spacing, dtype=np.float64)
     return float(extent[2]), float(extent[1])

@@ -50,8 +50,6 @@ class Slots:
         Visible height and width at which the plan holds: the camera's `height`.
     bag_radius_px : float
         Radius of the bag's circle on the screen, perspective included.
-    visible : int
-        Slots that lie in the window at that height: all, up to `MOST_INSIDE`.
     """
 
     centers: NDArray[np.float64]
@@ -60,7 +58,6 @@ class Slots:
     height_mm: float
     width_mm: float
     bag_radius_px: float
-    visible: int
 
     @property
     def window_mm(self) -> tuple[float, float]:
@@ -116,24 +113,19 @@ def arrange(
     bag_radius_mm: float,
     canvas_size: tuple[int, int],
     fov: float = 0.0,
-    least_pixels: int = LEAST_PIXELS,
-    gap: int = GAP,
 ) -> Slots:
     """Plan the places of all sprites around the bag.
 
     Parameters
     ----------
     count : int
-        Objects in the bag, that is slots wanted.
+        Slots wanted.
     bag_radius_mm : float
         Radius of the bag's bounding sphere about the camera's centre.
     canvas_size : (int, int)
         Height and width of the window in pixels.
     fov : float
         Vertical field of view in degrees; 0 is orthographic.
-    least_pixels, gap : int
-        Least longer side of a sprite, and distance between neighbours; both shrink where the
-        window is too small for so many.
 
     Returns
     -------
@@ -150,7 +142,7 @@ def arrange(
     -----
     For every cell side the grid's cells are sorted by distance from the middle; the bag may
     grow until `count` cells are left outside it. Of these the side is taken for which
-    radius^WEIGHT_OF_BAG * side is largest. Where there is none of at least `least_pixels`, sides
+    radius^WEIGHT_OF_BAG * side is largest. Where there is none of at least `LEAST_PIXELS`, sides
     and gaps shrink by a tenth until one is found, for the first `MOST_INSIDE`; further ones are
     planned beyond the window, where zooming out shows them. In perspective a sphere of radius r
     at distance d covers the circle r d / sqrt(d^2 - r^2) of the pivot plane.
@@ -164,38 +156,36 @@ def arrange(
     height, width = int(canvas_size[0]), int(canvas_size[1])
     # More sprites than that would be too small to be made out.
     inside = min(count, MOST_INSIDE)
-    side, radius, between = _best_plan(inside, height, width, least_pixels, gap)
-    cells, visible = _cells(count, height, width, side, radius, between)
+    side, radius, between = _best_plan(inside, height, width)
+    cells = _cells(count, height, width, side, radius, between)
     mm = _mm_per_pixel(bag_radius_mm, radius, height, fov)
     centers = fixed(np.concatenate([np.zeros((len(cells), 1)), cells * mm], axis=1))
-    least = min(float(least_pixels), side)
-    return Slots(centers, side * mm, least * mm, height * mm, width * mm, radius, visible)
+    least = min(float(LEAST_PIXELS), side)
+    return Slots(centers, side * mm, least * mm, height * mm, width * mm, radius)
 
 
 @lru_cache(maxsize=64)
-def _best_plan(
-    count: int, height: int, width: int, least_pixels: float, gap: float
-) -> tuple[float, float, float]:
+def _best_plan(count: int, height: int, width: int) -> tuple[float, float, float]:
     """Return the cell side, the radius of the bag's circle, and the gap, pixels."""
     short = min(height, width)
     most = float("inf")
     if count > FEWEST:
         # Never larger than with fewer sprites: the camera draws back as they come, and no way else.
         fewer = FEWEST * 2 ** int(np.log2((count - 1) / FEWEST))
-        most = _best_plan(fewer, height, width, least_pixels, gap)[1]
+        most = _best_plan(fewer, height, width)[1]
     plans = []
     # In steps of 2 pixels, which no one sees; beyond 0.3 of the window sprites outdo the bag.
-    for side in np.arange(least_pixels, max(least_pixels, min(short * 0.3, 320)) + 1, 2):
-        plan = _plan(count, height, width, side, gap, most)
+    for side in np.arange(LEAST_PIXELS, max(LEAST_PIXELS, min(short * 0.3, 320)) + 1, 2):
+        plan = _plan(count, height, width, side, GAP, most)
         if plan is not None:
             plans.append(plan)
     if plans:
         return max(plans, key=lambda plan: plan[1] ** WEIGHT_OF_BAG * plan[0])
-    side = float(least_pixels)
+    side = float(LEAST_PIXELS)
     while True:
         # A tenth at a time finds a side within a tenth of the largest that fits.
         side *= 0.9
-        plan = _plan(count, height, width, side, min(gap, side / 8), most)
+        plan = _plan(count, height, width, side, min(GAP, side / 8), most)
         if plan is not None:
             return plan
 
@@ -232,11 +222,11 @@ def _nearest(cells: NDArray[np.float64], side: float) -> NDArray[np.float64]:
 
 def _cells(
     count: int, height: int, width: int, side: float, radius: float, gap: float
-) -> tuple[NDArray[np.float64], int]:
+) -> NDArray[np.float64]:
     inside = _grid(height, width, side, gap)
     inside = _in_order(inside[_nearest(inside, side) >= radius + gap - 1e-9], height, width, side)
     if len(inside) >= count:
-        return inside[:count], count
+        return inside[:count]
     # Too small a window: further columns on the same pitch beyond its left and right edges,
     # where no window edge stands in the way of another row.
     pitch = side + gap
@@ -251,7 +241,7 @@ def _cells(
         for row in vertical
         for sign in (1, -1)
     ]
-    return np.concatenate([inside, np.array(outside)])[:count], len(inside)
+    return np.concatenate([inside, np.array(outside)])[:count]
 
 
 def _in_order(
