@@ -56,6 +56,20 @@ def test_a_colour_dialog_that_is_left_changes_nothing(options, session, monkeypa
     assert session.decorations.background.colors[0] == pytest.approx((0.2, 0.4, 0.6, 1.0))
 
 
+def test_a_damaged_picture_changes_nothing_and_leaves_the_rest_to_be_chosen(
+    options, session, monkeypatch, tmp_path
+) -> None:
+    (tmp_path / "bad.png").write_bytes(b"no picture")
+    chosen = lambda *_: (str(tmp_path / "bad.png"), "")  # noqa: E731
+    monkeypatch.setattr(background_options.QFileDialog, "getOpenFileName", chosen)
+    options.background.setCurrentText(background_options.IMAGE)
+    options.choose(background_options.IMAGE)
+    assert options.background.currentText() == DARK
+    options.box.setChecked(True)
+    assert session.decorations.box
+    assert session.decorations.background.name == "dark"
+
+
 def test_a_sessions_own_decorations_are_shown(workspace, options, session) -> None:
     workspace.close()
     session.decorations = Decorations.of("daylight", ["box"])

@@ -52,17 +52,35 @@ def test_who_chose_them_once_has_them_in_the_next_panel(
     assert controller_with(second, qtbot, add_bag(viewer)[1]).tint_mode == "safe"
 
 
-def test_a_saved_session_keeps_its_hues_in_a_panel_with_others(
+def test_a_saved_session_keeps_its_hues_and_everything_else_in_a_panel_with_others(
     panel: UnpackingWidget, piled: Any, qtbot: QtBot, tmp_path: Path
 ) -> None:
     session = piled
     rest(panel, qtbot)
-    session.tint_mode = "safe"
+    session.tint_mode, session.show_unlabelled = "safe", True
     save_session(session, tmp_path / "safe.unpack")
-    session.tint_mode = "perceptual"
+    session.tint_mode, session.show_unlabelled = "perceptual", False
     panel.unsaved.settled.emit()
     panel.files.open_from(tmp_path / "safe.unpack")
     qtbot.waitUntil(lambda: panel.workspace.session is not session, timeout=30000)
     rest(panel, qtbot)
     assert panel.workspace.session.tint_mode == "safe"
     assert panel.color.mode.currentText() == "Colour-blind safe"
+    assert panel.workspace.session.show_unlabelled
+    assert panel.color.unlabelled.isChecked()
+    assert not panel.unsaved.changed
+
+
+def test_what_the_panel_itself_sets_in_an_opened_session_is_no_work(
+    panel: UnpackingWidget, piled: Any, qtbot: QtBot, tmp_path: Path
+) -> None:
+    save_session(piled, tmp_path / "even.unpack")
+    _choose_safe(panel)
+    panel.color.unlabelled.setChecked(True)
+    panel.unsaved.give_up()
+    panel.files.open_from(tmp_path / "even.unpack")
+    qtbot.waitUntil(lambda: panel.workspace.session is not piled, timeout=30000)
+    rest(panel, qtbot)
+    assert panel.workspace.session.tint_mode == "safe"
+    assert panel.workspace.session.show_unlabelled
+    assert not panel.unsaved.changed

@@ -10,7 +10,7 @@ from qtpy.QtCore import Qt
 from qtpy.QtWidgets import QMessageBox
 
 from mouse import LEFT
-from opened_panel import press, rest
+from opened_panel import controller_with, pile_of_balls, press, rest
 
 
 @pytest.fixture
@@ -59,6 +59,26 @@ def test_another_voxel_size_is_said_and_used_on_demand(
     np.testing.assert_array_equal(fresh.labels, session.labels)
     assert fresh.objects["name"][2] == "Mug"
     assert panel.segment.rescale.isHidden()
+
+
+def test_another_voxel_size_is_that_of_the_time_point_that_is_shown(
+    viewer: Any, panel: Any, qtbot: QtBot
+) -> None:
+    volume, labels = pile_of_balls()
+    series = viewer.add_image(np.stack([volume, volume[::-1]]), scale=(1, 2, 1, 1))
+    own = viewer.add_labels(labels, visible=False, scale=(2, 1, 1))
+    panel.segment.volume_input.choose(series)
+    panel.segment.index.choose(0)
+    session = controller_with(panel, qtbot, own)
+    # The one to be unpacked next.
+    panel.segment.index.choose(1)
+    for layer in panel.workspace.controller.sources:
+        layer.scale = (1, 3, 1, 1)[-layer.ndim :]
+    rest(panel, qtbot)
+    press(qtbot, panel.segment.rescale)
+    qtbot.waitUntil(lambda: panel.workspace.session not in (session, None), timeout=20000)
+    np.testing.assert_allclose(panel.workspace.session.spacing, (3, 1, 1))
+    np.testing.assert_array_equal(panel.workspace.session.volume, volume)
 
 
 def test_a_voxel_size_that_is_set_back_is_offered_no_more(

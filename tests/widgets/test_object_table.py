@@ -12,7 +12,7 @@ from pytestqt.modeltest import ModelTester
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QEvent, QPoint, Qt
 from qtpy.QtGui import QFont, QFontMetrics, QKeyEvent
-from qtpy.QtWidgets import QApplication
+from qtpy.QtWidgets import QApplication, QLineEdit
 
 from napari_unpack.geometry.length_unit import MM
 from napari_unpack.session import ObjectState
@@ -223,6 +223,54 @@ def test_a_rename_reaches_the_session_and_an_empty_one_does_not(
     assert session.objects.at[5, "name"] == "Boot"
     assert not table.rows.setData(table.rows.index(0, Column.NAME), "  ")
     assert sorted(_shown(table, Column.NAME)) == ["Boot", "Object 10", "Object 2"]
+
+
+def _typing(qtbot: QtBot, table: ObjectTable, object_id: int, text: str) -> QLineEdit:
+    """Open the name of an object, type over it and go back by one letter; return the field."""
+    table.activateWindow()
+    qtbot.waitUntil(table.isActiveWindow, timeout=5000)
+    cell = table.rows.index_of(object_id)
+    table.setCurrentIndex(cell)
+    table.edit(cell)
+    field = table.focusWidget()
+    assert isinstance(field, QLineEdit)
+    qtbot.keyClicks(field, text)
+    qtbot.keyClick(field, Qt.Key.Key_Left)
+    return field
+
+
+def test_a_name_is_typed_on_while_all_rows_are_read_anew(
+    qtbot: QtBot, table: ObjectTable, session: SimpleNamespace
+) -> None:
+    first, told = _typing(qtbot, table, 5, "Red t"), []
+    table.ids_selected.connect(told.append)
+    session.objects["confidence"] = 0.5
+    table.objects.load(session)
+    field = table.focusWidget()
+    assert isinstance(field, QLineEdit)
+    assert field is not first
+    qtbot.keyClicks(field, "boo")
+    qtbot.keyClick(field, Qt.Key.Key_Return)
+    # Qt gives it back once the key is dealt with.
+    qtbot.waitUntil(lambda: session.objects.at[5, "name"] == "Red boot", timeout=5000)
+    assert _shown(table, Column.NAME) == ["Object 2", "Object 10", "Red boot"]
+    assert told == []
+
+
+def test_a_name_typed_for_what_is_gone_is_given_to_nothing_else(
+    qtbot: QtBot, table: ObjectTable, session: SimpleNamespace
+) -> None:
+    other = _session(("Object 10", "Shoe", "Object 2"), (3, 5, 8))
+    _typing(qtbot, table, 5, "Red t")
+    table.objects.load(other)
+    assert table.focusWidget() is table
+    assert other.objects.at[5, "name"] == "Shoe"
+    _typing(qtbot, table, 5, "Red t")
+    boxes, left = other.boxes, [0, 2]
+    boxes.ids, boxes.lower, boxes.upper = boxes.ids[left], boxes.lower[left], boxes.upper[left]
+    table.objects.load(other)
+    assert table.focusWidget() is table
+    assert _shown(table, Column.NAME) == ["Object 2", "Object 10"]
 
 
 def _centre(table: ObjectTable, row: int, column: Column) -> QPoint:

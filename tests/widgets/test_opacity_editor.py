@@ -147,8 +147,41 @@ def test_a_curve_from_elsewhere_does_not_tear_the_point_from_the_hand(
     qtbot: QtBot, editor: OpacityEditor
 ) -> None:
     qtbot.mousePress(editor, Qt.MouseButton.LeftButton, pos=_spot(editor, 2))
-    editor.show_curve([(0.0, 0.0), (1.0, 1.0)], (0.0, 1.0))
+    editor.show_curve([(0.0, 0.0), (8000.0, 1.0)], (0.0, 8000.0))
     assert editor.points == CURVE
+    # 200 px from 8 on: the axis too is another one only once the mouse lets go.
+    assert editor.position((2000.0, 0.0)).x() == pytest.approx(208)
+    qtbot.mouseRelease(editor, Qt.MouseButton.LeftButton, pos=_spot(editor, 2))
+    assert editor.points == CURVE
+    assert editor.position((2000.0, 0.0)).x() == pytest.approx(108)
+
+
+def test_a_point_that_was_dragged_out_with_the_curve_is_taken_hold_of_there(
+    qtbot: QtBot, editor: OpacityEditor
+) -> None:
+    qtbot.mousePress(editor, Qt.MouseButton.LeftButton, pos=_spot(editor, 2, 0, -30))
+    qtbot.mouseMove(editor, _spot(editor, 0, 40, -80))
+    qtbot.mouseRelease(editor, Qt.MouseButton.LeftButton)
+    assert editor.points[1][0] < 0
+    qtbot.mousePress(editor, Qt.MouseButton.LeftButton, pos=_spot(editor, 0))
+    qtbot.mouseMove(editor, _spot(editor, 0, 2, -10))
+    densities = [density for density, _ in editor.points]
+    assert densities == sorted(densities)
+
+
+def test_the_axis_grows_to_a_curve_that_is_dragged_or_typed_beyond_it(
+    panel, piled, qtbot: QtBot
+) -> None:
+    panel.color.curve.toggle.setChecked(True)
+    editor, line = panel.color.editor, panel.color.typed
+    left, right = editor.position((20.0, 0.0)).x(), editor.position((4500.0, 0.0)).x()
+    line.selectAll()
+    qtbot.keyClicks(line, "3000 0, 6000 1")
+    qtbot.keyClick(line, Qt.Key.Key_Return)
+    qtbot.waitUntil(lambda: editor.points == [(3000.0, 0.0), (6000.0, 1.0)], timeout=5000)
+    assert editor.position((6000.0, 0.0)).x() == pytest.approx(right)
+    assert editor.position((20.0, 0.0)).x() == pytest.approx(left)
+    assert editor.position((1000.0, 0.0)).x() > left + 20
 
 
 def test_the_histogram_is_logarithmic_and_ignores_nan() -> None:

@@ -138,6 +138,37 @@ def test_a_cancelled_choice_changes_nothing(
     assert len(session.history.done) == steps
 
 
+def test_what_is_undone_beside_an_open_chooser_is_no_other_choice(
+    panel: UnpackingWidget, shown: Any, qtbot: QtBot
+) -> None:
+    chooser, session = panel.objects.chooser, shown
+    panel.commands.annotate.color([2], (0.0, 0.0, 1.0, 1.0))
+
+    def choose(name: str) -> None:
+        chooser.dialog.setCurrentColor(QColor(name))
+        qtbot.waitUntil(lambda: 1 in session.annotations.colors, timeout=5000)
+
+    def kept() -> set[int]:
+        return set(session.annotations.colors)
+
+    chooser.choose([1])
+    choose("lime")
+    panel.commands.undo()
+    choose("red")
+    chooser.dialog.accept()
+    assert kept() == {1, 2}
+    panel.commands.undo()
+    assert kept() == {2}
+    for left in ({2}, set()):
+        chooser.choose([1])
+        choose("lime")
+        panel.commands.undo()
+        assert kept() == left
+        chooser.dialog.reject()
+        assert kept() == left
+        panel.commands.undo()
+
+
 def test_notes_and_flags_are_written_searched_and_undone_in_the_table(
     panel: UnpackingWidget, shown: Any, qtbot: QtBot
 ) -> None:

@@ -344,6 +344,27 @@ def test_greys_and_tints_follow_the_hand_and_the_session(slices: Any, qtbot: QtB
     assert linked.name_at(CENTERS[0]) == ""
 
 
+def test_black_and_white_are_chosen_as_finely_in_a_volume_from_0_to_1(
+    viewer: Any, panel: Any, qtbot: QtBot
+) -> None:
+    volume, labels = pile_of_balls()
+    viewer.add_image((volume / 4500).astype(np.float32), name="bag")
+    controller_with(panel, qtbot, viewer.add_labels(labels, name="expert"))
+    press(qtbot, panel.slices.button)
+    dock = panel.slices.dock
+    drawn(dock, qtbot)
+    low, high = dock.linked.window
+    # 20 and 4010 of 4500.
+    assert (low, high) == pytest.approx((0.0044, 0.8911), abs=1e-3)
+    assert (dock.black.value(), dock.white.value()) == pytest.approx((low, high), abs=0.01)
+    dock.black.stepUp()
+    assert dock.linked.window[0] == pytest.approx(low + (high - low) / 50, abs=0.005)
+    dock.white.selectAll()
+    qtbot.keyClicks(dock.white, "0.25")
+    qtbot.keyClick(dock.white, Qt.Key.Key_Return)
+    assert dock.linked.window[1] == pytest.approx(0.25)
+
+
 @pytest.mark.parametrize(
     ("given", "window"),
     [

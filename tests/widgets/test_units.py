@@ -190,6 +190,28 @@ def test_the_voxel_size_is_typed_and_is_that_of_the_volume_and_the_labels_on_it(
     np.testing.assert_allclose(image.scale, (2, 0.51234, 0.5))
 
 
+def test_a_voxel_size_that_is_half_typed_is_not_that_of_the_next_layer(qtbot: QtBot) -> None:
+    box, told = VoxelSize(), []
+    qtbot.addWidget(box)
+    box.resize(400, 28)
+    box.show()
+    box.activateWindow()
+    box.size.setFocus()
+    qtbot.waitUntil(box.size.hasFocus, timeout=5000)
+    box.typed.connect(told.append)
+    first, second = (Image(np.zeros((2, 2, 2)), scale=(edge, 1, 1)) for edge in (3, 2))
+    box.show_layer(first)
+    box.size.selectAll()
+    QTest.keyClicks(box.size, "5 5 5")
+    # The layer itself is changed, by a script say.
+    box.show_layer(first)
+    assert box.size.text() == "5 5 5"
+    box.show_layer(second)
+    assert box.size.text() == TWO
+    QTest.keyClick(box.size, Qt.Key.Key_Return)
+    assert told == []
+
+
 @pytest.mark.parametrize(
     "text",
     [

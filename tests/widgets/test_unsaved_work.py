@@ -16,10 +16,21 @@ from qtpy.QtWidgets import QFileDialog, QMessageBox
 
 import napari_unpack as nu
 from napari_unpack.io.recovery import leftovers, recovery_folder
+from napari_unpack.io.sessions import standing_of
 from napari_unpack.layers import compat
 from napari_unpack.viewer.viewer_state import SavedView
+from napari_unpack.widgets.files_section import WHOLE
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
-from opened_panel import Closed, add_bag, controller_with, open_panel, press, rest, states
+from opened_panel import (
+    Closed,
+    add_bag,
+    controller_with,
+    open_panel,
+    pile_of_balls,
+    press,
+    rest,
+    states,
+)
 from tin import tin
 
 Button = QMessageBox.StandardButton
@@ -36,15 +47,15 @@ def worked(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> UnpackingWidget
     return panel
 
 
-def answer(panel: UnpackingWidget, qtbot: QtBot, button: Any) -> str:
-    """Wait for the question, press a button of it; return what it said."""
+def answer(panel: UnpackingWidget, qtbot: QtBot, button: Any, more: bool = False) -> str:
+    """Wait for the question, press a button of it, after which may come more; return its words."""
     qtbot.waitUntil(lambda: panel.unsaved.question is not None, timeout=10000)
     box = panel.unsaved.question
     assert box is not None
     assert box.isVisible()
     said = f"{box.text()} {box.informativeText()}"
     qtbot.mouseClick(box.button(button), Qt.MouseButton.LeftButton)
-    assert panel.unsaved.question is None
+    assert (panel.unsaved.question is not None) == more
     return said
 
 
@@ -189,20 +200,81 @@ def test_segmenting_again_and_opening_ask_before_the_work(
     assert panel.unsaved.question is None
 
 
+@pytest.mark.parametrize(
+    ("another_question", "said", "file"),
+    [
+        (False, Button.Cancel, None),
+        (False, Button.Save, None),
+        (False, Button.Save, "no folder/kept.unpack"),
+        (True, Button.Cancel, None),
+    ],
+)
 def test_what_is_done_during_a_segmentation_is_asked_for_and_its_labels_are_kept(
-    viewer: Any, worked: UnpackingWidget, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    viewer: Any, worked: UnpackingWidget, qtbot: QtBot, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch, another_question: bool, said: Any, file: str | None,
+) -> None:  # fmt: skip
+    """Also where it is to be saved and is not, and where something else is asked just then."""
     panel, session = worked, worked.workspace.session
     found = SimpleNamespace(labels=session.labels.astype(np.int32), objects=None, evidence=None)
     monkeypatch.setattr("napari_unpack.segmentation.segment", lambda *_, **__: found)
+    chosen = str(tmp_path / file) if file else ""
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (chosen, WHOLE))
     panel.segment.labels_input.choose(None)
     panel.segment.start.click()
     answer(panel, qtbot, Button.Discard)
     session.rename(1, "a knife")
+    if another_question:
+        panel.files.open_from(tmp_path / "other.unpack")
     qtbot.waitUntil(lambda: not panel.segment.progress.running, timeout=90000)
-    assert "The new objects" in answer(panel, qtbot, Button.Cancel)
+    if another_question:
+        assert "Opening other.unpack ends it." in answer(panel, qtbot, Button.Cancel, more=True)
+    assert "The new objects" in answer(panel, qtbot, said)
+    done(panel, qtbot)
     assert panel.workspace.session is session
+    assert panel.unsaved.changed
     assert "bag objects" in [layer.name for layer in viewer.layers]
+
+
+def test_what_was_discarded_for_something_that_is_refused_is_work_still(
+    viewer: Any, worked: UnpackingWidget, qtbot: QtBot, tmp_path: Path
+) -> None:
+    panel = worked
+    panel.segment.labels_input.choose(None)
+    panel.segment.options.foreground.setCurrentText("Fixed density")
+    panel.segment.start.click()
+    # No density is typed.
+    answer(panel, qtbot, Button.Discard)
+    assert not panel.segment.progress.running
+    assert panel.unsaved.changed
+    panel.files.save_to(tmp_path / "kept.unpack")
+    panel.files.open_from(tmp_path / "other.unpack")
+    # Two files at once are none.
+    answer(panel, qtbot, Button.Discard)
+    assert panel.unsaved.changed
+    done(panel, qtbot)
+
+
+def test_a_bag_is_saved_though_another_comes_while_a_place_is_chosen(
+    viewer: Any, worked: UnpackingWidget, qtbot: QtBot, tmp_path: Path, monkeypatch: Any
+) -> None:
+    panel, path = worked, tmp_path / "first.unpack"
+    first, second = panel.workspace.session, nu.Session(*pile_of_balls())
+    viewer.layers["bag"].translate = (30, -20, 5)
+    rest(panel, qtbot)
+    first.rename(1, "a knife")
+
+    def choose(*_: Any) -> tuple[str, str]:
+        panel.workspace.open(second)
+        second.rename(1, "a cup")
+        return str(path), WHOLE
+
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", choose)
+    press(qtbot, panel.files.save)
+    done(panel, qtbot)
+    assert nu.open_session(path).objects["name"][1] == "a knife"
+    np.testing.assert_allclose(standing_of(path)[:3, 3], (30, -20, 5))
+    assert panel.workspace.session is second
+    assert panel.unsaved.changed
 
 
 def test_closing_the_window_asks_once_and_cancel_keeps_it_open(
@@ -224,7 +296,7 @@ def test_closing_the_window_asks_once_and_cancel_keeps_it_open(
 
 
 def test_exit_asks_for_each_window_once_and_cancel_keeps_them_all(
-    make_napari_viewer: Any, worked: UnpackingWidget, qtbot: QtBot
+    make_napari_viewer: Any, worked: UnpackingWidget, qtbot: QtBot, monkeypatch: Any
 ) -> None:
     other, closed = make_napari_viewer(show=True), Closed()
     second = open_panel(other, qtbot)
@@ -235,13 +307,16 @@ def test_exit_asks_for_each_window_once_and_cancel_keeps_them_all(
     # Behind the panels', which are asked first; else napari would end the tests.
     for filtering in (closed, *panels):
         window.installEventFilter(filtering)
-    window.close(quit_app=True)
-    first = next(one for one in panels if one.unsaved.question is not None)
-    assert "Quitting napari ends it." in answer(first, qtbot, Button.Discard)
-    (last,) = set(panels) - {first}
-    answer(last, qtbot, Button.Cancel)
-    assert closed.count == 0
-    assert all(one.unsaved.changed and one.workspace.controller.is_open for one in panels)
+    # A place to save to that is not chosen is a cancel.
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: ("", ""))
+    for said in (Button.Cancel, Button.Save):
+        window.close(quit_app=True)
+        first = next(one for one in panels if one.unsaved.question is not None)
+        assert "Quitting napari ends it." in answer(first, qtbot, Button.Discard)
+        (last,) = set(panels) - {first}
+        answer(last, qtbot, said)
+        assert closed.count == 0
+        assert all(one.unsaved.changed and one.workspace.controller.is_open for one in panels)
     # What was discarded a moment ago is asked for again, since it is still there.
     window.close(quit_app=True)
     for _ in panels:

@@ -11,6 +11,7 @@ from qtpy.QtWidgets import QColorDialog, QFileDialog
 
 from napari_unpack.widgets.commands import Commands
 from napari_unpack.widgets.narrow import Check, Choice
+from napari_unpack.widgets.notifications import errors_shown
 from napari_unpack.widgets.preferences import preferences
 from napari_unpack.widgets.section import Collapsible, form, row
 from napari_unpack.widgets.workspace import Workspace
@@ -76,6 +77,8 @@ class BackgroundOptions(Collapsible):
 
     def choose(self, name: str) -> None:
         """Choose a background by its title here; asks for a colour or a picture if need be."""
+        from napari_unpack.appearance import Background
+
         chosen: Background | Path | str | None = NAMED.get(name)
         if name == NAPARIS:
             chosen = self._canvas_color()
@@ -85,13 +88,12 @@ class BackgroundOptions(Collapsible):
         elif name == IMAGE:
             path = QFileDialog.getOpenFileName(self, "Background", "", IMAGE_FILES)[0]
             chosen = Path(path) if path else None
-        # A dialog that was cancelled changes nothing.
-        if chosen is None:
-            self.background.setCurrentText(self._before)
-            return
-        self._chosen, self._before = chosen, name
-        self.background.setCurrentText(name)
-        self._apply()
+        if chosen is not None:
+            with errors_shown():
+                self._chosen, self._before = Background.of(chosen), name
+                self._apply()
+        # A dialog that was cancelled, or a picture that cannot be read, changes nothing.
+        self.background.setCurrentText(self._before)
 
     def end(self) -> None:
         """Listen to the viewer no longer."""

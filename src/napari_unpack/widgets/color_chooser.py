@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 from qtpy.QtCore import QObject
 from qtpy.QtGui import QColor
@@ -12,6 +13,9 @@ from napari_unpack.appearance import tints_of
 from napari_unpack.widgets.commands import Commands
 from napari_unpack.widgets.inspection_box import APPLY_MS
 from napari_unpack.widgets.workspace import Workspace
+
+if TYPE_CHECKING:
+    from napari_unpack.session.history import Step
 
 
 class ColorChooser(QObject):
@@ -29,7 +33,8 @@ class ColorChooser(QObject):
         super().__init__(parent)
         self._workspace, self._commands, self._parent = workspace, commands, parent
         self._ids: list[int] = []
-        self._begun = False
+        # The one that the dialog made; another may follow it while the dialog is open.
+        self._made: Step | None = None
         self.dialog: QColorDialog | None = None
         workspace.switched.connect(self._close)
 
@@ -37,7 +42,7 @@ class ColorChooser(QObject):
         """Open the dialog for some objects, at the colour of the first."""
         session = self._workspace.session
         self._close()
-        self._ids, self._begun = list(ids), False
+        self._ids, self._made = list(ids), None
         if session is None or not self._ids:
             return
         first, names = self._ids[0], session.objects["name"]
@@ -60,16 +65,23 @@ class ColorChooser(QObject):
         self._workspace.scheduler.throttle(self._apply, APPLY_MS, self._apply)
 
     def _apply(self) -> None:
-        if self.dialog is not None:
-            self._commands.annotate.color(
-                self._ids, self.dialog.currentColor().getRgbF(), merge=self._begun
-            )
-            self._begun = True
+        session = self._workspace.session
+        if self.dialog is not None and session is not None:
+            color, before = self.dialog.currentColor().getRgbF(), session.history.done[-1:]
+            self._commands.annotate.color(self._ids, color, merge=self._is_last)
+            # The colour that there is already makes no step.
+            if (last := session.history.done[-1:]) != before:
+                (self._made,) = last
+
+    @property
+    def _is_last(self) -> bool:
+        """Whether the step that the dialog made is what an undo would take back."""
+        session = self._workspace.session
+        return session is not None and self._made in session.history.done[-1:]
 
     def _take_automatic(self) -> None:
         self._workspace.scheduler.forget(self._apply)
-        self._commands.annotate.color(self._ids, None, merge=self._begun)
-        self._begun = False
+        self._commands.annotate.color(self._ids, None, merge=self._is_last)
         self._close()
 
     def _finish(self, result: int) -> None:
@@ -78,7 +90,7 @@ class ColorChooser(QObject):
         if result == QDialog.DialogCode.Accepted:
             # The last choice may still wait; one that was there before is taken over as well.
             self._apply()
-        elif self._begun and session is not None and session.history.done[-1].verb == "colour":
+        elif session is not None and self._is_last:
             session.undo()
         self.dialog = None
 

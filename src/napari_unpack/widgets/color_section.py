@@ -165,7 +165,10 @@ class ColorSection(Section):
             return
         with QSignalBlocker(self.at_rest):
             self.at_rest.setChecked(bool(controller.recolor_at_rest))
-        # A session that was saved with other hues has them still.
+        # A session that was saved with other hues, or with everything else, has them still.
+        if controller.session.show_unlabelled:
+            with QSignalBlocker(self.unlabelled):
+                self.unlabelled.setChecked(True)
         saved = controller.session.tint_mode
         if saved != "perceptual":
             with QSignalBlocker(self.mode):
@@ -221,12 +224,14 @@ class ColorSection(Section):
         shown = session.transfer_function
         low, high = shown.domain
         # The axis only grows: a point dragged inwards must not move under the mouse.
-        if self._domain is None or low < self._domain[0] or high > self._domain[1]:
-            self._domain = (float(low), float(high))
-            self.editor.show_histogram(histogram(session.volume, self._domain))
-        self.editor.show_curve(shown.points, self._domain)
+        before = self._domain or (low, high)
+        domain = float(min(low, before[0])), float(max(high, before[1]))
+        if domain != self._domain:
+            self._domain = domain
+            self.editor.show_histogram(histogram(session.volume, domain))
+        self.editor.show_curve(shown.points, domain)
         self.typed.show_points(shown.points)
-        self.ramp.show_colors(shown.colors, self._domain)
+        self.ramp.show_colors(shown.colors, domain)
 
     def _apply_preset(self) -> None:
         name = self.preset.currentText()

@@ -22,7 +22,7 @@ from napari_unpack.widgets.large_files import ask_about_size
 from napari_unpack.widgets.preferences import preferences
 from napari_unpack.widgets.section import Collapsible, Section, button, form, row
 from napari_unpack.widgets.task_progress import TaskProgress
-from napari_unpack.widgets.unsaved_work import UnsavedWork
+from napari_unpack.widgets.unsaved_work import Call, UnsavedWork
 from napari_unpack.widgets.workspace import Workspace
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from napari_unpack.io.label_names import NamedLabel
     from napari_unpack.io.recovery import Leftover
     from napari_unpack.session import Session
+    from napari_unpack.viewer.controller import SessionController
 
 
 @dataclass(frozen=True)
@@ -259,7 +260,8 @@ class FilesSection(Section):
         unsaved.save = self._ask_save_all
         self._names = FileNames()
         self._then: Callable[[Any], None] = lambda result: None
-        self._again: Callable[[], None] = lambda: None
+        self._failed: Call = lambda: None
+        self._again: Call = lambda: None
         self.open = button("Open session…", "Continue a saved session.")
         self.save = button("Save session…", "Save everything, to continue another day.")
         self.export = button(
@@ -317,11 +319,7 @@ class FilesSection(Section):
         self.lock(None)
 
     def save_to(
-        self,
-        path: str | Path,
-        refer: bool = False,
-        session: Session | None = None,
-        then: Callable[[], None] | None = None,
+        self, path: str | Path, refer: bool = False, session: Session | None = None
     ) -> None:
         """Save a session in a worker.
 
@@ -332,19 +330,27 @@ class FilesSection(Section):
             Refer to the files of the layers instead of copying them.
         session : Session, optional
             By default the one shown.
-        then : callable, optional
-            Called with nothing once it is saved.
         """
+        controller = self._workspace.controller
+        if controller is not None:
+            session = controller.session if session is None else session
+            self._save(path, refer, controller, session)
+
+    def _save(
+        self,
+        path: str | Path,
+        refer: bool,
+        controller: SessionController,
+        session: Session,
+        then: Call = lambda: None,
+        cancelled: Call = lambda: None,
+    ) -> None:
         from napari_unpack.io import save_session
         from napari_unpack.io.headless import snapshot
         from napari_unpack.layers.placement import standing
 
-        files = self._files() if refer else {}
-        controller = self._workspace.controller
-        if controller is None:
-            return
-        session = controller.session if session is None else session
-        note_saved = self._unsaved.mark() if session is self._workspace.document else None
+        files = _files_of(controller) if refer else {}
+        note_saved = self._unsaved.mark() if session is self._workspace.document else lambda: None
         # Saved, so that the layers stand in the same place when the session is opened.
         files["standing"] = standing(controller.packed, session.spacing)
         # Of this moment, though written later.
@@ -353,11 +359,10 @@ class FilesSection(Section):
         def saved(written: Path) -> None:
             self._say_written(written)
             self._names.saved(session, written)
-            for call in (note_saved, then):
-                if call is not None:
-                    call()
+            note_saved()
+            then()
 
-        self._begin(lambda progress: work(progress=progress), saved)
+        self._begin(lambda progress: work(progress=progress), saved, cancelled)
 
     def open_from(self, path: str | Path) -> None:
         """Open a session in a worker, and show it in the 3D view."""
@@ -458,12 +463,19 @@ class FilesSection(Section):
         """Stop all work."""
         self.progress.stop()
 
-    def _begin(self, work: Callable[[Progress], Any], then: Callable[[Any], None]) -> None:
+    def _begin(
+        self,
+        work: Callable[[Progress], Any],
+        then: Callable[[Any], None],
+        failed: Call = lambda: None,
+    ) -> None:
         # A second file would hide the progress of the first.
         if self.progress.running:
             notifications.inform("Wait for the file that is being written, or cancel it.")
+            self._unsaved.take_back()
+            failed()
             return
-        self._then = then
+        self._then, self._failed = then, failed
         # What was done before would be read as what came of this.
         self.set_status("")
         self.progress.begin(work)
@@ -473,6 +485,7 @@ class FilesSection(Section):
         self._refresh()
         if outcome.error is not None:
             self._unsaved.take_back()
+            self._failed()
         if isinstance(outcome.error, TooLargeError):
             ask_about_size(self.window(), outcome.error, self._again)
         elif not outcome.cancelled:
@@ -507,17 +520,6 @@ class FilesSection(Section):
         if then is not None:
             then()
 
-    def _files(self) -> dict[str, Any]:
-        """Return the files that the layers of the session were read from, if any."""
-        found: dict[str, Any] = {}
-        controller = self._workspace.controller
-        for layer in () if controller is None else controller.sources:
-            path = layer.source.path
-            # A time point or a colour is no file of its own.
-            if path and layer.ndim == 3 and not getattr(layer, "rgb", False):
-                found["labels_path" if isinstance(layer, Labels) else "volume_path"] = path
-        return found
-
     def _ask_open(self) -> None:
         kinds = "Sessions (*.unpack *.zip session.json)"
         path, _ = QFileDialog.getOpenFileName(self, "Open session", self._names.to_open(), kinds)
@@ -539,20 +541,26 @@ class FilesSection(Section):
     def _ask_save(self) -> None:
         self._ask_where(self._workspace.session)
 
-    def _ask_save_all(self, then: Callable[[], None]) -> None:
-        self._ask_where(self._workspace.document, then)
+    def _ask_save_all(self, then: Call, cancelled: Call) -> None:
+        self._ask_where(self._workspace.document, then, cancelled)
 
-    def _ask_where(self, session: Session | None, then: Callable[[], None] | None = None) -> None:
+    def _ask_where(
+        self, session: Session | None, then: Call = lambda: None, cancelled: Call = lambda: None
+    ) -> None:
         controller = self._workspace.controller
         if controller is None or session is None:
+            cancelled()
             return
         # Only a volume that came from a file can be referred to.
-        forms = [WHOLE, REFERRING] if "volume_path" in self._files() else [WHOLE]
+        forms = [WHOLE, REFERRING] if "volume_path" in _files_of(controller) else [WHOLE]
         proposed = self._names.to_save(session, controller.sources)
         answer = ask_where_to_write(self, "Save session", proposed, ";;".join(forms), ZIP_SUFFIXES)
-        if answer is not None:
-            path, form = answer
-            self.save_to(path, form == REFERRING, session, then)
+        if answer is None:
+            cancelled()
+            return
+        path, form = answer
+        # Another session may have come while the dialog was open.
+        self._save(path, form == REFERRING, controller, session, then, cancelled)
 
     def _ask(self, kind: Export, _checked: bool = False) -> None:
         controller = self._workspace.controller
@@ -575,6 +583,17 @@ class FilesSection(Section):
                 "Nothing was done: another bag is shown now than when it was asked for."
             )
         return same
+
+
+def _files_of(controller: SessionController) -> dict[str, Any]:
+    """Return the files that the layers of a session were read from, if any."""
+    found: dict[str, Any] = {}
+    for layer in controller.sources:
+        path = layer.source.path
+        # A time point or a colour is no file of its own.
+        if path and layer.ndim == 3 and not getattr(layer, "rgb", False):
+            found["labels_path" if isinstance(layer, Labels) else "volume_path"] = path
+    return found
 
 
 def _range(labels: Collection[int]) -> str:

@@ -86,6 +86,11 @@ class ObjectModel(QAbstractTableModel):
         self._unpackable: frozenset[int] = frozenset()
         self._first: frozenset[int] = frozenset()
 
+    @property
+    def session(self) -> Session | None:
+        """The one whose objects are shown."""
+        return self._session
+
     def load(self, session: Session | None) -> None:
         """Show the objects of a session, or nothing for None."""
         self.beginResetModel()

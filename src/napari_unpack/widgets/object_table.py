@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from qtpy.QtCore import (
@@ -33,6 +34,7 @@ from qtpy.QtGui import (
 from qtpy.QtWidgets import (
     QAbstractItemView,
     QHeaderView,
+    QLineEdit,
     QMenu,
     QStyle,
     QStyledItemDelegate,
@@ -50,6 +52,8 @@ if TYPE_CHECKING:
     from qtpy.QtCore import QAbstractItemModel, QObject, QPoint
     from qtpy.QtGui import QKeyEvent, QPaintEvent, QResizeEvent
     from qtpy.QtWidgets import QStyleOptionViewItem
+
+    from napari_unpack.session import Session
 
 Draw = Callable[[QPainter, QRectF, "QModelIndex", "QStyleOptionViewItem"], None]
 
@@ -373,6 +377,17 @@ def _draw_flag(
     painter.drawPolygon(QPolygonF([middle + point for point in cloth]))
 
 
+@dataclass(frozen=True)
+class _Typed:
+    """A name or a note that is being typed, with the place of the cursor."""
+
+    session: Session | None
+    id: int
+    column: int
+    text: str
+    place: int
+
+
 class ObjectTable(QTableView):
     """The table, which emits what the user does and changes nothing itself.
 
@@ -397,10 +412,13 @@ class ObjectTable(QTableView):
         self.objects = model
         self.rows = ObjectFilter(model, self)
         self.setModel(self.rows)
+        model.modelAboutToBeReset.connect(self._keep_typed)
         model.modelReset.connect(self._fit_columns)
+        self.rows.modelReset.connect(self._type_on)
         model.headerDataChanged.connect(lambda *_: self._fit_columns())
         self._silent = False
         self._selected: list[int] | None = None
+        self._typed: _Typed | None = None
         self._widths: Widths = {}
         self._columns = ChosenColumns(key)
         self._texts, self._names = _TextDelegate(self), _NameDelegate(self)
@@ -565,6 +583,34 @@ class ObjectTable(QTableView):
     def _choose_columns(self, columns: set[Column] | None) -> None:
         self._columns.choose(columns)
         self._fit_columns()
+
+    def _keep_typed(self) -> None:
+        """Take note of what is being typed, before all rows go and the field with them."""
+        index = self.currentIndex()
+        field = self.indexWidget(index)
+        self._typed = None
+        if isinstance(field, QLineEdit):
+            session, id_ = self.objects.session, int(index.data(ID))
+            place = field.cursorPosition()
+            self._typed = _Typed(session, id_, index.column(), field.text(), place)
+            # The keyboard is the table's: Qt would give it to the picture, whose commands are keys.
+            self.closeEditor(field, QStyledItemDelegate.EndEditHint.NoHint)
+
+    def _type_on(self) -> None:
+        """Open the field again where its row is still there."""
+        typed, self._typed = self._typed, None
+        if typed is None or typed.session is not self.objects.session:
+            return
+        index = self.rows.index_of(typed.id).siblingAtColumn(typed.column)
+        if index.isValid():
+            # The selection stays as it is.
+            stay = QItemSelectionModel.SelectionFlag.NoUpdate
+            self.selectionModel().setCurrentIndex(index, stay)
+            self.edit(index)
+            field = self.indexWidget(index)
+            if isinstance(field, QLineEdit):
+                field.setText(typed.text)
+                field.setCursorPosition(typed.place)
 
     def selected_ids(self) -> list[int]:
         """Return the IDs of the selected rows, from top to bottom."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -148,6 +149,8 @@ class OpacityEditor(QWidget):
         self._heights: NDArray[np.float64] = np.zeros(BINS)
         self._chosen = -1
         self._dragged: float | None = None
+        # What is to be shown once the mouse lets go.
+        self._late: list[Callable[[], None]] = []
         self._widening = False
         self._accent = QColor("#5b7cf0")
         self.setMinimumHeight(110)
@@ -171,7 +174,7 @@ class OpacityEditor(QWidget):
         return list(self._points)
 
     def show_curve(self, points: Iterable[Point], domain: tuple[float, float]) -> None:
-        """Show a curve, unless one is being dragged.
+        """Show a curve; of one that comes while another is dragged, the domain after that.
 
         Parameters
         ----------
@@ -181,6 +184,7 @@ class OpacityEditor(QWidget):
             Lowest and highest density shown.
         """
         if self._dragged is not None:
+            self._late.append(lambda: self.show_curve(self._points, domain))
             return
         shown = [(float(d), float(a)) for d, a in points]
         # The session sends an edited curve back late, and the chosen point must stay chosen; in a
@@ -195,7 +199,10 @@ class OpacityEditor(QWidget):
         return [point for k, point in enumerate(points) if k != self._chosen]
 
     def show_histogram(self, heights: NDArray[np.float64]) -> None:
-        """Show a histogram of the domain, heights in [0, 1]."""
+        """Show a histogram of the domain, heights in [0, 1]; after a drag where there is one."""
+        if self._dragged is not None:
+            self._late.append(partial(self.show_histogram, heights))
+            return
         self._heights = heights
         self.update()
 
@@ -229,7 +236,8 @@ class OpacityEditor(QWidget):
     def _move(self, index: int, point: Point) -> None:
         low, high = self._domain
         gap = SMALLEST_GAP * (high - low)
-        below = self._points[index - 1][0] + gap if index > 0 else low
+        # The whole curve may have been dragged past an end of the axis.
+        below = self._points[index - 1][0] + gap if index > 0 else min(low, self._points[0][0])
         last = index + 1 == len(self._points)
         above = max(high, self._points[-1][0]) if last else self._points[index + 1][0] - gap
         # Points may not pass each other: the curve is a function of density.
@@ -286,6 +294,9 @@ class OpacityEditor(QWidget):
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         """End the drag."""
         self._dragged = None
+        late, self._late = self._late, []
+        for show in late:
+            show()
 
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
         """Add a point."""

@@ -55,11 +55,12 @@ FIND = "Find the objects"
 
 @dataclass(frozen=True, eq=False)
 class _Order:
-    """The layers of a segmentation under way."""
+    """The layers of a segmentation, and which of their time points or channels it is of."""
 
     image: Layer
     labels: Labels | None
     volume: Volume
+    index: tuple[int, ...]
     unit: LengthUnit
 
     @property
@@ -86,6 +87,7 @@ class SegmentSection(Section):
         self._workspace, self._unsaved = workspace, unsaved
         self._begun = 0.0
         self._order: _Order | None = None
+        self._shown: _Order | None = None
         self._labels_alone = False
         self._then: Callable[[], None] | None = None
         viewer = workspace.viewer
@@ -235,6 +237,9 @@ class SegmentSection(Section):
         names = {session.label_of(i): str(objects[i]) for i in session.ids}
         self.volume_input.choose(volume)
         self.labels_input.choose(labels[0] if labels else volume)
+        # The field beside is that of the next segmentation.
+        if self._shown is not None and self._shown.image is volume:
+            self.index.choose(*self._shown.index)
         self.run(names=names)
 
     def _refresh(self) -> None:
@@ -291,8 +296,12 @@ class SegmentSection(Section):
         self._unsaved.ask("Other objects will take its place.", partial(self._run, then, names))
 
     def _run(self, then: Callable[[], None] | None, names: Mapping[int, str] | None) -> None:
-        if self.progress.running:
-            return
+        if not self.progress.running:
+            self._try(then, names)
+        if not self.progress.running:
+            self._unsaved.take_back()
+
+    def _try(self, then: Callable[[], None] | None, names: Mapping[int, str] | None) -> None:
         image, labels = self.volume_input.layer, self.labels_input.layer
         if image is None:
             notifications.inform("Open a 3D volume first, or press Try a simulated bag.")
@@ -305,7 +314,7 @@ class SegmentSection(Section):
                 ids, names = labels_of(labels, volume, index), names or names_of(labels)
                 whole = whole_labels_of(labels, volume, index)
             own = labels if _is_labels(labels) else None
-            order = _Order(image, own, volume, self.voxels.unit)
+            order = _Order(image, own, volume, index, self.voxels.unit)
             settings = self.options.settings()
             self._order, self._then, self._begun = order, then, monotonic()
             self._explain_missing_volume(image)
@@ -370,6 +379,7 @@ class SegmentSection(Section):
             backend=preferred.backend,
             recolor_at_rest=preferred.recolor_at_rest,
         )
+        self._shown = order
         if built.is_found:
             self._unsaved.found_in(seconds)
         if self._then is not None:

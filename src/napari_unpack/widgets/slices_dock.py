@@ -197,10 +197,13 @@ class SlicesDock(DockContents):
                 view.show_rulers(self._linked.rulers_in(plane))
 
     def _show_window(self, window: tuple[float, float]) -> None:
+        width = window[1] - window[0]
         for box, density in zip((self.black, self.white), window, strict=True):
             with QSignalBlocker(box):
+                # A hundredth of what lies between, whatever the values.
+                box.setDecimals(max(1, int(np.ceil(2 - np.log10(width)))))
                 box.setValue(density)
-                box.setSingleStep(max((window[1] - window[0]) / 50, 1e-6))
+                box.setSingleStep(max(width / 50, 1e-6))
 
     # What the hand does.
 

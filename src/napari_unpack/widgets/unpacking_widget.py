@@ -108,6 +108,8 @@ class UnpackingWidget(QWidget):
         self.unpack = UnpackSection(self.workspace, self.commands, self.planner)
         self.objects = ObjectsSection(self.workspace, self.commands, self.planner)
         self.files = FilesSection(self.workspace, self.unsaved)
+        # After the sections: what the panel itself sets in a session is no work of a person.
+        self.workspace.switched.connect(self.unsaved.follow)
         self.segment.progress.next_steps = (self.segment.start, self.unpack.next)
         self.keeper = RecoveryKeeper(self.workspace, self.unsaved, self)
         # Scores are no work of a person, but what is kept of the session is to have them.

@@ -60,7 +60,8 @@ class UnsavedWork(QObject):
     Attributes
     ----------
     save : callable
-        Given what to do once the session is saved, asks where to and saves.
+        Given what to do once the session is saved, and what to do if it is not, asks where to and
+        saves.
     question : QMessageBox or None
         The one that is shown.
     """
@@ -72,9 +73,9 @@ class UnsavedWork(QObject):
         self._workspace, self._panel = workspace, parent
         self._known: WeakKeyDictionary[Session, _Known] = WeakKeyDictionary()
         self._removed = RemovedLayers(workspace.viewer, workspace.scheduler)
-        self.save: Callable[[Call], None] = lambda then: None
+        self._waiting: list[Call] = []
+        self.save: Callable[[Call, Call], None] = lambda then, cancelled: None
         self.question: QMessageBox | None = None
-        workspace.switched.connect(self._follow)
 
     @property
     def changed(self) -> bool:
@@ -126,9 +127,11 @@ class UnsavedWork(QObject):
             self.settled.emit()
 
     def ask(
-        self, reason: str, then: Call, quitting: bool = False, cancelled: Call | None = None
+        self, reason: str, then: Call, quitting: bool = False, cancelled: Call = lambda: None
     ) -> None:
         """Do something that ends the session, after a question where work would be lost.
+
+        While another question is open it waits for the answer.
 
         Parameters
         ----------
@@ -138,11 +141,14 @@ class UnsavedWork(QObject):
             Called at once where nothing would be lost, else once it is saved or given up.
         quitting : bool, optional
             Whether the layers end too: then objects that took long to find are work as well.
+            During another question nothing comes of it; one can quit again.
         cancelled : callable, optional
-            Called where the answer is Cancel.
+            Called where the answer is Cancel, or Save and it is not saved.
         """
         if self.question is not None:
             self.question.raise_()
+            if not quitting:
+                self._waiting.append(partial(self.ask, reason, then, cancelled=cancelled))
         elif self.worth_keeping if quitting else self.changed:
             self._show(reason, then, cancelled)
         else:
@@ -156,7 +162,8 @@ class UnsavedWork(QObject):
         session = self._workspace.document
         return session, None if session is None else self._known.get(session)
 
-    def _follow(self) -> None:
+    def follow(self) -> None:
+        """Take note of the session shown, as it is now, and watch its layers."""
         session, controller = self._workspace.document, self._workspace.controller
         if session is not None and session not in self._known:
             self._known[session] = _Known(_work_of(session))
@@ -194,7 +201,7 @@ class UnsavedWork(QObject):
             if layer in layers:
                 layers.remove(layer)
 
-    def _show(self, reason: str, then: Call, cancelled: Call | None) -> None:
+    def _show(self, reason: str, then: Call, cancelled: Call) -> None:
         controller = self._workspace.controller
         sources = () if controller is None else controller.sources
         name = f" of {sources[0].name}" if sources else ""
@@ -212,17 +219,24 @@ class UnsavedWork(QObject):
         # Not `exec`, which would run everything else within this call.
         box.open()
 
-    def _answer(self, box: QMessageBox, then: Call, cancelled: Call | None, _result: int) -> None:
+    def _answer(self, box: QMessageBox, then: Call, cancelled: Call, _result: int) -> None:
         button = box.standardButton(box.clickedButton()) if box.clickedButton() else None
         self.question = None
         box.deleteLater()
         if button == QMessageBox.StandardButton.Discard:
             self.give_up()
-            then()
+            self._go_on(then)
         elif button == QMessageBox.StandardButton.Save:
-            self.save(then)
-        elif cancelled is not None:
-            cancelled()
+            self.save(partial(self._go_on, then), partial(self._go_on, cancelled))
+        else:
+            self._go_on(cancelled)
+
+    def _go_on(self, answered: Call) -> None:
+        """Do what was answered, then ask what has waited for it."""
+        answered()
+        waiting, self._waiting = self._waiting, []
+        for ask in waiting:
+            ask()
 
     def _note_saved(self, known: _Known, work: object) -> None:
         known.saved, known.given_up, known.long_found = work, None, False

@@ -81,6 +81,9 @@ class VoxelSize(QWidget):
         unit : LengthUnit, optional
             By default the layer's own, where napari knows it.
         """
+        if layer is not self._layer:
+            # What is half typed is of the layer before.
+            self.size.setModified(False)
         told = assumed_of(layer)
         self.assumed.setText("Of the file: " + "; ".join(told) + ".")
         self.assumed.setVisible(bool(told))
