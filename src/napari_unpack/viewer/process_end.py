@@ -111,9 +111,7 @@ def end_despite_workers() -> None:
 @cache
 def _watch_at_end() -> None:
     given: list[object] = []
-    # Waited for as well: what it does must not meet Python's own end.
-    watch = threading.Thread(target=_watch, args=(given,), name=f"{OURS}-end")
-    _before_threads_end(watch.start)
+    _before_threads_end(lambda: _end_before_workers(given))
     leave = sys.exit
 
     def leave_noted(status: object = None, /) -> NoReturn:
@@ -123,20 +121,34 @@ def _watch_at_end() -> None:
     sys.exit = leave_noted
 
 
-def _watch(given: Sequence[object]) -> None:
-    since, apart = monotonic(), (threading.main_thread(), threading.current_thread())
-    while True:
-        waited_for = [t for t in threading.enumerate() if t not in apart and not t.daemon]
-        if not waited_for:
-            return
-        only_ours = all(thread.name.startswith(OURS) for thread in waited_for)
-        if only_ours and monotonic() - since > GRACE_SECONDS:
-            # The end that Python makes would not come while they run.
+def _end_before_workers(given: Sequence[object]) -> None:
+    since = monotonic()
+    while any(_is_ours(thread) for thread in _waited_for()):
+        if monotonic() - since > GRACE_SECONDS:
+            # As Python would, but for its threads; here, since Qt hears from the main one alone.
+            _end_all()
             atexit._run_exitfuncs()
-            sys.stdout.flush()
-            sys.stderr.flush()
-            os._exit(_exit_status(given))
+            threading.Thread(target=_leave, args=(given,), name=f"{OURS}-end", daemon=True).start()
+            return
         sleep(LOOK_SECONDS)
+
+
+def _leave(given: Sequence[object]) -> None:
+    while not all(_is_ours(thread) for thread in _waited_for()):
+        sleep(LOOK_SECONDS)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # Without the end that Python makes: it would not come while they run.
+    os._exit(_exit_status(given))
+
+
+def _waited_for() -> list[threading.Thread]:
+    main = threading.main_thread()
+    return [thread for thread in threading.enumerate() if thread is not main and not thread.daemon]
+
+
+def _is_ours(thread: threading.Thread) -> bool:
+    return thread.name.startswith(OURS)
 
 
 def _exit_status(given: Sequence[object]) -> int:
