@@ -318,3 +318,15 @@ def test_a_repair_sends_the_box_it_touched_and_keeps_the_picture_till_then(by_gl
     assert controller.settle(30)
     difference = np.abs(by_card - canvas(viewer)).max(axis=2)
     assert np.quantile(difference, 0.999) <= 2.0
+
+
+def test_what_comes_back_while_slices_are_looked_at_is_at_rest(by_gl) -> None:
+    viewer, controller = by_gl
+    viewer.dims.ndisplay = 2
+    for command in (controller.unpack, controller.restore):
+        command(1)
+        controller.finish()
+        assert controller.settle(20)
+        assert not controller.renderer.flight_animation.running
+    viewer.dims.ndisplay = 3
+    assert controller.settle(30)

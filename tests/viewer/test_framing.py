@@ -240,6 +240,46 @@ def test_a_side_chosen_in_slices_is_seen_when_the_bag_comes_back(
     assert window.outside() == []
 
 
+def test_commands_leave_slices_in_place_and_what_they_ask_for_is_seen_after(
+    window: Window,
+) -> None:
+    dims, camera, controller = window.viewer.dims, window.viewer.scene.camera, window.controller
+    packed = window.session.ids[-1]
+    window.unpack(2)
+    before = window.view()
+    controller.inspect(packed)
+    window.rest()
+    assert window.view() != pytest.approx(before)
+    dims.ndisplay = 2
+    camera.zoom, camera.center = 20, (0, 20, 30)
+    slices = window.view()
+
+    def do(command: Any, *given: Any) -> None:
+        command(*given)
+        controller.finish()
+        window.rest()
+        assert window.view() == slices
+
+    # Left in slices, the way back from the object is gone in 3D.
+    do(controller.leave)
+    dims.ndisplay = 3
+    window.rest()
+    assert window.view() == pytest.approx(before)
+    dims.ndisplay = 2
+    camera.zoom, camera.center = 20, (0, 20, 30)
+    slices = window.view()
+    do(controller.unpack, 2)
+    do(controller.undo)
+    do(controller.redo)
+    do(controller.inspect, packed)
+    do(controller.leave)
+    do(controller.framing.fit)
+    dims.ndisplay = 3
+    window.rest()
+    assert controller.framing.is_fit
+    assert window.outside() == []
+
+
 @pytest.fixture
 def measured(make_napari_viewer_proxy: Any, bag: Any, qtbot: Any) -> Any:
     """Return a window with the phantom on a layer in millimetres."""

@@ -19,6 +19,7 @@ from napari_unpack.session import ObjectState
 from napari_unpack.tasks import Task
 from napari_unpack.viewer.controller import SessionController
 from napari_unpack.viewer.scheduler import Worker
+from napari_unpack.viewer.split_tool import surface_voxel
 from opened_panel import at_rest
 from viewer_fixtures import canvas
 
@@ -391,3 +392,41 @@ def test_the_status_bar_names_what_is_under_the_mouse_now(
         qtbot.wait(80)
         assert viewer.status.startswith(str(session.objects["name"][object_id]))
     viewer.cursor.events.position.disconnect(answer_late)
+
+
+def test_clicks_that_split_a_bag_that_is_cut_open_are_on_what_is_left(staged, session) -> None:
+    viewer, controller = staged
+    controller.cut_handle.cut_along(session.camera.direction)
+    assert controller.settle(60)
+    point, normal = session.cutting.plane
+    rows, cols = viewer.canvas.size
+    clicked = []
+    for pixel in np.mgrid[10:rows:24, 10:cols:24].reshape(2, -1).T.astype(float):
+        there = controller.interaction.packed_at(pixel)
+        if there:
+            clicked.append(surface_voxel(controller, pixel, there[0]))
+    assert len(clicked) > 20
+    # But for half the diagonal of a voxel.
+    assert ((np.array(clicked) * session.spacing - point) @ normal).min() > -1.3
+
+
+@pytest.mark.parametrize("backend", ["cpu", "gl"])
+def test_with_shift_objects_leave_straight_out_of_the_surface_pressed(
+    staged, session, backend
+) -> None:
+    _, controller = staged
+    controller.backend = backend
+    assert controller.settle(60)
+    camera, frame, pencil = session.camera, controller.frame, controller.interaction.pencil
+    # Of a ball of 9 voxels: straight out of it is away from its middle.
+    middle, found = 1.5 * np.array([10, 12, 12]), 0
+    for turn in np.arange(0, 2 * np.pi, np.pi / 6):
+        aside = np.cos(turn) * camera.right + np.sin(turn) * camera.up
+        out = np.sin(0.7) * aside - np.cos(0.7) * camera.direction
+        pixel = camera.project(middle + 1.5 * 9 * out, frame.size)
+        if controller.interaction.packed_at(pixel)[:1] == [1]:
+            pencil.begin()
+            pencil.take(pixel, pixel, True)
+            assert np.degrees(np.arccos(session.unpack_direction @ out)) < 8
+            found += 1
+    assert found > 3

@@ -22,6 +22,9 @@ class Screen:
 
     visible, drawn, image = True, True, None
 
+    def frame_now(self) -> None:
+        return None
+
     def show(self, image: Any, before: Any = None, with_thumbnail: bool = True) -> None:
         self.image = image
 

@@ -6,6 +6,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 LEAVES_OBJECTS_THAT_HOLD_EACH_OTHER = """
 from qtpy.QtCore import QObject
 from qtpy.QtWidgets import QApplication
@@ -31,3 +33,31 @@ def test_qt_objects_that_go_with_the_last_who_hears_of_it_end_no_process() -> No
     command = [sys.executable, "-c", LEAVES_OBJECTS_THAT_HOLD_EACH_OTHER]
     ended = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
     assert (ended.returncode, ended.stdout, ended.stderr) == (3, "ended\n", "")
+
+
+LEAVES_A_WORKER_BUSY = """
+import atexit, sys, threading
+from qtpy.QtWidgets import QApplication
+from napari_unpack.tasks import Task
+from napari_unpack.viewer.scheduler import Scheduler, Worker
+
+atexit.register(print, "ended")
+app, began, scheduler = QApplication([]), threading.Event(), Scheduler()
+work = lambda _: (began.set(), threading.Event().wait(100))
+scheduler.submit(Task("long", work), Worker.LONG, print)
+began.wait()
+scheduler.close()
+"""
+
+
+@pytest.mark.parametrize(
+    ("end", "status"),
+    [("", 0), ("sys.exit(3)", 3), ("sys.exit('refused')", 1), ("raise RuntimeError('failed')", 1)],
+)
+def test_a_busy_worker_holds_up_no_end_and_the_status_is_the_scripts(end: str, status: int) -> None:
+    environment = {**os.environ, "QT_QPA_PLATFORM": "offscreen"}
+    command = [sys.executable, "-c", LEAVES_A_WORKER_BUSY + end]
+    ended = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=90)
+    assert (ended.returncode, ended.stdout) == (status, "ended\n")
+    # Of Qt, which hears from no thread but its own.
+    assert "CRITICAL" not in ended.stderr

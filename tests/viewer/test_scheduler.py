@@ -276,3 +276,27 @@ def test_animations_tick_while_they_run(manual) -> None:
     animation.stop()
     manual.advance(100)
     assert len(times) == 6
+
+
+def test_what_is_asked_again_after_it_was_cancelled_is_answered(scheduler, qtbot) -> None:
+    found, errors, began, go_on = [], [], threading.Event(), threading.Event()
+
+    def work(progress) -> str:
+        began.set()
+        assert go_on.wait(20)
+        progress(0.5, "")
+        return "result"
+
+    def ask() -> None:
+        scheduler.submit(
+            Task("key", work), Worker.QUERY, found.append, failed=errors.append, slot="slot"
+        )
+
+    ask()
+    assert began.wait(10)
+    scheduler.cancel("slot")
+    ask()
+    go_on.set()
+    qtbot.waitUntil(lambda: not scheduler.busy, timeout=10_000)
+    assert found == ["result"]
+    assert [type(error) for error in errors] == [Cancelled]

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
+from napari_unpack.appearance import TransferFunction
 from napari_unpack.layers.rendered_image import Sprite
 from napari_unpack.layers.sprite_layer import SpriteLayer
 from napari_unpack.rendering.compose import sprite_image
+from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session import Session
 from napari_unpack.viewer.sprite_renderer import PIXELS_PER_VOXEL, SpriteRenderer, resolution
 
@@ -77,3 +80,32 @@ def test_a_sprite_is_cast_anew_where_labels_beside_it_were_edited_and_only_there
     assert casts() == 2
     session.undo()
     assert casts() == 3
+
+
+def test_an_object_that_its_own_opacity_hides_is_cast_once_and_shown_again_later() -> None:
+    labels = np.zeros((24, 24, 24), np.uint16)
+    labels[4:20, 4:20, 4:20] = 1
+    session = Session((1500 * labels).astype(np.uint16), labels)
+    shown: list[list[int]] = []
+    session.backend = "cpu"
+    at_once: Any = SimpleNamespace(submit=lambda task, _, done: done(task.run(None)))
+    renderer = SpriteRenderer(session, at_once, lambda sprites: shown.append(list(sprites)))
+
+    def want() -> tuple[int, list[int]]:
+        renderer.want(session.poses, frozenset(session.poses), 2.0)
+        assert renderer.settled
+        assert renderer.has(1)
+        return renderer.casts, shown[-1]
+
+    session.force_unpack(1)
+    assert want() == (1, [1])
+    dense = TransferFunction([(4000, 0.0), (5000, 1.0)])
+    session.set_style(1, ObjectStyle(transfer_function=dense))
+    for _ in range(2):
+        assert want() == (2, [])
+    # Put elsewhere it is not cast either.
+    pose = session.poses[1]
+    session.place(1, replace(pose, center=pose.center + 9.0))
+    assert want() == (2, [])
+    session.set_style(1, ObjectStyle())
+    assert want() == (3, [1])

@@ -174,3 +174,11 @@ def test_other_layers_and_views_are_answered_with_a_sentence(viewer, qtbot):
     assert distinct_colors(viewer) is None
     viewer.layers.selection.active = layer
     colored(viewer, qtbot)
+
+
+def test_the_slice_that_is_shown_is_coloured_where_another_layer_has_finer_units(viewer):
+    labels = np.broadcast_to(np.arange(1, 21, dtype=np.uint16)[:, None, None], (20, 30, 30))
+    layer = viewer.add_labels(labels.copy(), units=("mm",) * 3)
+    viewer.add_image(np.zeros((20, 30, 30)), scale=(1000,) * 3, units=("um",) * 3)
+    viewer.dims.set_point(0, 7000.0)
+    assert np.unique(layer_view(viewer, layer).labels).tolist() == [8]

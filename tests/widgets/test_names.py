@@ -14,6 +14,7 @@ from qtpy.QtWidgets import QToolTip
 from mouse import move
 from napari_unpack.layers import compat
 from napari_unpack.session.quantities import angle_words, length_words, volume_words
+from napari_unpack.viewer.canvas_text import CanvasText
 from napari_unpack.widgets.background_options import BackgroundOptions
 from opened_panel import rest
 from viewer_fixtures import canvas
@@ -36,6 +37,9 @@ def test_names_stand_beside_sprites_and_under_the_mouse(
     changed = np.abs(canvas(viewer) - before).max(axis=-1) > 60
     written = {i: spot for i, spot, _ in controller.names.written_at(controller.frame)}
     assert set(written) == set(out)
+    # Drawn again where nothing has moved, they need not find their places anew.
+    places = controller.names.written_at
+    assert places(controller.frame) is places(controller.frame)
     seen = np.zeros_like(changed)
     for (top, left), (bottom, right) in np.round(list(written.values())).astype(int):
         seen[top:bottom, left:right] = True
@@ -127,3 +131,15 @@ def test_quantities_have_the_unit_that_can_be_read() -> None:
         "1000 \N{MICRO SIGN}m³",
     ]
     assert angle_words(90.04) == "90.0°"
+
+
+def test_words_are_drawn_anew_only_where_others_are_read(qapp: Any) -> None:
+    text = CanvasText(lambda: 1.0)
+    name = "A name so long that it loses its middle"
+    short = [text.image("Tin", False, longest) for longest in (300, 301, np.inf)]
+    assert short[0] is short[1] is short[2]
+    whole, cut = text.image(name, False), text.image(name, False, 100)
+    assert cut.size[1] <= 100 < whole.size[1]
+    assert text.image(name, False, 5000) is whole
+    assert text.image(name, False, 100) is cut
+    assert text.image("Tin", True) is not short[0]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,7 @@ from qtpy.QtWidgets import QApplication, QScrollArea, QToolTip
 from mouse import LEFT, drag, move
 from napari_unpack.geometry.view import Camera
 from napari_unpack.layers import compat
+from napari_unpack.session import Session
 from napari_unpack.widgets.directions import words_of
 from napari_unpack.widgets.held_place import OPENED_MS
 from napari_unpack.widgets.reveal_box import sentence
@@ -129,8 +132,6 @@ def test_an_arrow_drawn_in_the_picture_is_the_direction(
     assert len(controller.overlays.arrow.quads_at(controller.frame)) == 0
 
     # With Shift, out of the surface that was pressed: nearly towards the viewer or beside it.
-    depth = controller.renderer.picker.depth
-    qtbot.waitUntil(lambda: bool(np.isfinite(depth()).any()), timeout=60000)
     panel.unpack.draw.setChecked(True)
     height, width = viewer.canvas.size
     middle = QPoint(width // 2, height // 2)
@@ -209,6 +210,47 @@ def test_shift_drag_carries_a_sprite_and_hover_shows_where_it_was(
     assert controller.settle(60)
     assert session.states[out].name == "PACKED"
     assert not controller.overlays.ghost.quads_at(controller.frame)
+
+
+def pile(axis: int) -> Session:
+    """Return a session of four slabs one upon the other along an axis."""
+    labels = np.zeros((40, 40, 40), np.uint16)
+    for k in range(4):
+        at = [slice(6, 34)] * 3
+        at[axis] = slice(2 + 9 * k, 11 + 9 * k)
+        labels[tuple(at)] = k + 1
+    return Session(np.where(labels, 1500, 0).astype(np.uint16), labels)
+
+
+def test_a_question_about_the_bag_before_answers_none_about_the_one_shown(
+    panel: UnpackingWidget, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    workspace, planner = panel.workspace, panel.planner
+    before, after = pile(0), pile(2)
+    before.direction = after.direction = "+z"
+    task = before.queries.survey_task()
+    # Only its own session tells one from the other.
+    assert task.key == after.queries.survey_task().key
+    began, go_on, found = threading.Event(), threading.Event(), []
+
+    def slow(progress: Any) -> Any:
+        began.set()
+        assert go_on.wait(60)
+        return task.run(lambda *_: None)
+
+    monkeypatch.setattr(before.queries, "survey_task", lambda: replace(task, run=slow))
+    workspace.open(before)
+    planner.find_best_direction()
+    assert began.wait(60)
+    workspace.open(after)
+    planner.best.connect(found.append)
+    planner.find_best_direction()
+    go_on.set()
+    qtbot.waitUntil(lambda: not planner.running, timeout=60000)
+    (best,) = found
+    assert len(best.ids) == 4
+    # All four leave at once only across the way in which they lie upon each other.
+    assert best.direction[2] == 0
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """A review in a real viewer: questions, a picture, keys, undo, and what is kept of answers."""
 
+import threading
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,7 @@ from napari_unpack.layers import compat
 from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.segmentation.common.joins import JoinLog, Level, Seen, Steps
 from napari_unpack.segmentation.review.evidence import gather
+from napari_unpack.session import Session
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import controller_with, press
 
@@ -130,6 +133,31 @@ def test_a_key_answers_no_question_that_is_folded_away(
     panel.objects.fold.setChecked(False)
     qtbot.keyClick(canvas, Qt.Key.Key_K)
     qtbot.waitUntil(lambda: len(session.review.answers) == 1, timeout=20000)
+
+
+def test_doubts_about_the_bag_before_are_none_of_the_one_shown(
+    panel: UnpackingWidget, session: Any, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    volume, labels, evidence = bag(255)
+    after = Session(volume, labels)
+    after.review.evidence = evidence
+    task = session.review.doubts_task()
+    # Only its own session tells one from the other.
+    assert task.key == after.review.doubts_task().key
+    began, go_on = threading.Event(), threading.Event()
+
+    def finds_none(_progress: Any) -> list[Any]:
+        began.set()
+        assert go_on.wait(60)
+        return []
+
+    none = replace(task, run=finds_none)
+    monkeypatch.setattr(session.review, "doubts_task", lambda: none)
+    panel.objects.review.toggle.setChecked(True)
+    assert began.wait(60)
+    panel.workspace.open(after)
+    go_on.set()
+    assert asked(panel, qtbot, 0).doubt.kind == "join"
 
 
 def test_labels_of_ones_own_have_no_questions_and_keys_then_do_nothing(

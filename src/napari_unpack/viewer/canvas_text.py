@@ -9,7 +9,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 from qtpy.QtCore import QPointF, Qt
-from qtpy.QtGui import QColor, QFontMetrics, QGuiApplication, QImage, QPainter, QPainterPath, QPen
+from qtpy.QtGui import (
+    QColor,
+    QFont,
+    QFontMetrics,
+    QGuiApplication,
+    QImage,
+    QPainter,
+    QPainterPath,
+    QPen,
+)
 
 from napari_unpack.layers.rendered_image import FRONT
 from napari_unpack.rendering.gl.depth_quads import ImageTexture, Quad, ScreenPlace
@@ -34,7 +43,7 @@ class CanvasText:
 
     def __init__(self, pixel_scale: Callable[[], float]) -> None:
         self._pixel_scale = pixel_scale
-        self._kept: OrderedDict[tuple[str, bool, float, float], ImageTexture] = OrderedDict()
+        self._kept: OrderedDict[tuple[str, bool, float], ImageTexture] = OrderedDict()
 
     def image(self, words: str, on_light: bool, longest: float = np.inf) -> ImageTexture:
         """Return the image of words.
@@ -47,16 +56,41 @@ class CanvasText:
         longest : float
             Longer ones lose their middle, device pixels.
         """
-        key = words, on_light, longest, self._pixel_scale()
+        scale = self._pixel_scale()
+        key = elided(words, longest, scale), on_light, scale
         if key not in self._kept:
-            self._kept[key] = written(words, on_light, longest, key[3])
+            self._kept[key] = written(*key)
             while len(self._kept) > MOST_KEPT:
                 self._kept.popitem(last=False)
         self._kept.move_to_end(key)
         return self._kept[key]
 
 
-def written(words: str, on_light: bool, longest: float, scale: float) -> ImageTexture:
+def elided(words: str, longest: float, scale: float) -> str:
+    """Return words, without their middle where they are too long.
+
+    Parameters
+    ----------
+    words : str
+    longest : float
+        With their rim, device pixels.
+    scale : float
+        Device pixels of a logical pixel.
+    """
+    if not np.isfinite(longest):
+        return words
+    room = max(0, int(longest - 2 * RIM * scale))
+    return str(QFontMetrics(_font(scale)).elidedText(words, Qt.TextElideMode.ElideMiddle, room))
+
+
+def _font(scale: float) -> QFont:
+    # Qt and not Pillow, whose one font lacks most alphabets.
+    font = QGuiApplication.font()
+    font.setPixelSize(max(1, round(SIZE * scale)))
+    return font
+
+
+def written(words: str, on_light: bool, scale: float) -> ImageTexture:
     """Write words; takes a millisecond or two.
 
     Parameters
@@ -64,18 +98,11 @@ def written(words: str, on_light: bool, longest: float, scale: float) -> ImageTe
     words : str
     on_light : bool
         Whether they are to be dark.
-    longest : float
-        Longer ones lose their middle, device pixels.
     scale : float
         Device pixels of a logical pixel.
     """
-    # Qt and not Pillow, whose one font lacks most alphabets.
-    font = QGuiApplication.font()
-    font.setPixelSize(max(1, round(SIZE * scale)))
-    measured, rim = QFontMetrics(font), RIM * scale
-    if np.isfinite(longest):
-        middle = Qt.TextElideMode.ElideMiddle
-        words = measured.elidedText(words, middle, max(0, int(longest - 2 * rim)))
+    font, rim = _font(scale), RIM * scale
+    measured = QFontMetrics(font)
     width = int(np.ceil(measured.horizontalAdvance(words) + 2 * rim))
     height = int(np.ceil(measured.height() + rim))
     image = QImage(width, height, QImage.Format.Format_RGBA8888_Premultiplied)

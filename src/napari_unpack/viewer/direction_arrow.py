@@ -17,6 +17,7 @@ from napari_unpack.rendering.gl.depth_quads import Quad
 from napari_unpack.rendering.gl.lines import Stroke
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.viewer.protocols import Pixel
+from napari_unpack.viewer.surface_points import surface_normal
 
 if TYPE_CHECKING:
     from napari_unpack.session import Session
@@ -199,9 +200,8 @@ class Pencil:
         if frame is not None:
             found = drawn_direction(pixels, frame.camera)
             if along_normal:
-                row, col = (round(v) for v in pixels[0])
-                mm = frame.camera.height / frame.size[0]
-                found = surface_normal(target.renderer.picker.depth(), row, col, mm, frame.camera)
+                normal = surface_normal(target, pixels[0], frame)
+                found = -frame.camera.direction if normal is None else normal
             if found is not None:
                 target.session.direction = triple(found)
         self.stop()
@@ -280,37 +280,3 @@ def drawn_direction(pixels: NDArray[np.float64], camera: Camera) -> Vector | Non
     if length < LEAST_PIXELS:
         return None
     return unit(camera.in_world((0.0, down, right)))
-
-
-def surface_normal(
-    depth: NDArray[np.float32], row: int, col: int, mm: float, camera: Camera
-) -> Vector:
-    """Return the normal of the visible surface at a pixel, towards the viewer's side.
-
-    Parameters
-    ----------
-    depth : (H, W) ndarray of float32
-        t in mm, +inf where nothing is.
-    row, col : int
-        The pixel.
-    mm : float
-        Size of a pixel.
-    camera : Camera
-
-    Returns
-    -------
-    (3,) ndarray of float64
-        Unit vector in world; towards the viewer where there is no surface.
-    """
-    # Nine pixels across: a voxel step or noise of depths must not decide.
-    reach = 4
-    part = depth[max(row - reach, 0) : row + reach + 1, max(col - reach, 0) : col + reach + 1]
-    rows, cols = np.nonzero(np.isfinite(part))
-    # Three would do for a plane, but not for one to rely on.
-    if len(rows) < 6:
-        return -camera.direction
-    towards = -part[rows, cols].astype(np.float64)
-    flat = np.stack([rows * mm, cols * mm, np.ones(len(rows))], axis=1)
-    slopes = np.linalg.lstsq(flat, towards, rcond=None)[0]
-    # The direction that is normal as the bag is drawn, also where that is sheared.
-    return unit(camera.in_world((1.0, -slopes[0], -slopes[1])))

@@ -30,9 +30,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class _Before:
-    """The view before an inspection: napari's own, the camera of it, and whether it held all."""
+    """The camera before an inspection, and the last to hold all where it was that."""
 
-    view: SavedView
     seen: Camera
     target: Camera | None
 
@@ -85,8 +84,8 @@ class Framing:
         self._given: _Given | None = None
         self._size = (0, 0)
         self._axes, self._units = layer.axis_order, units_of(viewer)
-        # Whether slices are looked at, and the side chosen meanwhile.
-        self._sliced = False
+        # Whether slices are looked at, whose camera stays, and what was asked of it meanwhile.
+        self._sliced = self._late = False
         self._side: NDArray[np.float64] | None = None
         self._before: _Before | None = None
         # By the session's clock: a film that steps it glides along.
@@ -216,7 +215,7 @@ class Framing:
         if self._before is not None:
             return
         target = self._fit if self.is_fit else None
-        self._before = _Before(SavedView.of(self._viewer.scene.camera), self._seen, target)
+        self._before = _Before(self._seen, target)
         if object_id not in self._session.state.placements:
             self._go(_near(self._session, self._seen, object_id))
 
@@ -231,8 +230,10 @@ class Framing:
             return
         self._stop()
         before, self._before = self._before, None
-        self._set, self._target = before.seen, before.target
-        before.view.give_back(self._viewer.scene.camera, perspective=False)
+        self._target = before.target
+        # The perspective may have been changed meanwhile.
+        fov = float(self._viewer.scene.camera.perspective)
+        self._look(replace(before.seen, fov=fov))
         self.follow()
 
     def catch_up(self, finish: bool = False) -> None:
@@ -268,7 +269,12 @@ class Framing:
         return alike(frame.camera, replace(self._set, height=self._set.height * grown))
 
     def _follow(self) -> None:
-        if self._side is not None and self._viewer.dims.ndisplay == 3:
+        if self._viewer.dims.ndisplay != 3:
+            return
+        if self._late and self._set is not None:
+            self._size = _pixels(self._viewer)
+            self._look(self._set)
+        if self._side is not None:
             side, self._side = self._side, None
             self.turn_to(side)
         session = self._session
@@ -310,8 +316,6 @@ class Framing:
         compat.draw_in_units(self._viewer, self._layer, units)
         # napari's camera keeps its numbers, which mean another place and size from here on.
         SavedView.of(camera).moved(moved).give_back(camera)
-        if self._before is not None:
-            self._before = replace(self._before, view=self._before.view.moved(moved))
 
     def _follow_axes(self) -> bool:
         """Bring all into view where napari has ordered its axes anew, and return whether it has."""
@@ -365,8 +369,9 @@ class Framing:
         self.animation.start()
 
     def _look(self, camera: Camera, turns: bool = True) -> None:
-        self._set = camera
-        point_camera(self._viewer, self._layer, camera, turns)
+        self._set, self._late = camera, self._viewer.dims.ndisplay != 3
+        if not self._late:
+            point_camera(self._viewer, self._layer, camera, turns)
 
     def _tick(self, now: float) -> None:
         glide = self._glide

@@ -108,7 +108,10 @@ class PackedRenderer:
     @property
     def settled(self) -> bool:
         """Whether the image is full and right for what the canvas shows, and drawn."""
-        drawn = self._canvas_image is None or self._canvas_image.ready or not self._layer.visible
+        image = self._canvas_image
+        # Neither hidden nor in slices is there a draw to wait for.
+        hidden = not self._layer.visible or self._layer.frame_now() is None
+        drawn = image is None or image.ready or hidden
         return self._frame is None or (self.is_full and drawn and not self.fade.running)
 
     def subvolume(self, scene: Scene) -> Subvolume:

@@ -4,11 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 from napari_unpack.geometry.transforms import Projection
-from napari_unpack.layers.rendered_image import RenderedImage
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.casting import TABLE_ENTRIES, rays_for
 from napari_unpack.rendering.cpu import by_contribution, contributions
@@ -81,20 +77,6 @@ class ScenePicker:
 
     def __init__(self, renderer: SceneRenderer) -> None:
         self._renderer = renderer
-
-    def depth(self) -> NDArray[np.float32]:
-        """Return the depths of the packed image, (H, W) t in mm; +inf where none is known."""
-        shape = (1, 1) if self._renderer.frame is None else self._renderer.frame.size
-        depth = np.full(shape, np.inf, np.float32)
-        # What the graphics card cast has its depths there, and is not read back.
-        image = self._renderer.packed.image
-        if isinstance(image, RenderedImage) and image.size == shape:
-            patch = image.patch
-            low = max(patch.row, 0), max(patch.col, 0)
-            part = patch.depth[low[0] - patch.row :, low[1] - patch.col :]
-            view = depth[low[0] :, low[1] :][: part.shape[0], : part.shape[1]]
-            view[:] = part[: view.shape[0], : view.shape[1]]
-        return depth
 
     def sprite_at(self, row: float, col: float) -> int:
         """Return the object whose sprite is at a pixel, 0 for none.

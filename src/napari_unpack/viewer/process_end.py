@@ -7,9 +7,11 @@ import gc
 import os
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import cache
 from time import monotonic, sleep
+from typing import NoReturn
 from weakref import WeakMethod
 
 from qtpy import PYQT6
@@ -97,29 +99,60 @@ def end_despite_workers() -> None:
     -----
     Python waits for its threads: for a step of a segmentation half a minute, for a kernel that is
     being compiled longer. What they work on is of no use any more, and files are written whole or
-    not at all. Threads of others are waited for as ever.
+    not at all. Threads of others are waited for as ever, and the functions of `atexit` are called.
+    The exit status is what `sys.exit` is given from now on, and 1 after an error; a `SystemExit`
+    that is raised by hand is told to nobody, and counts as 0.
     """
-    ended = threading.Event()
-    try:
-        _before_threads_end(ended.set)
-    except RuntimeError:
-        # Python ends already, of a script, with its exit status: it waits for them.
-        return
-    threading.Thread(target=_watch, args=(ended,), name=f"{OURS}-end", daemon=True).start()
+    # Python ends already, of a script, with its exit status: it waits for them.
+    with suppress(RuntimeError):
+        _watch_at_end()
 
 
-def _watch(main_ended: threading.Event) -> None:
-    main_ended.wait()
+@cache
+def _watch_at_end() -> None:
+    given: list[object] = []
+    _before_threads_end(lambda: _end_before_workers(given))
+    leave = sys.exit
+
+    def leave_noted(status: object = None, /) -> NoReturn:
+        given.append(status)
+        leave(status)  # type: ignore[arg-type]
+
+    sys.exit = leave_noted
+
+
+def _end_before_workers(given: Sequence[object]) -> None:
     since = monotonic()
-    while True:
-        sleep(LOOK_SECONDS)
-        main = threading.main_thread()
-        waited_for = [t for t in threading.enumerate() if t is not main and not t.daemon]
-        if not waited_for:
+    while any(_is_ours(thread) for thread in _waited_for()):
+        if monotonic() - since > GRACE_SECONDS:
+            # As Python would, but for its threads; here, since Qt hears from the main one alone.
+            _end_all()
+            atexit._run_exitfuncs()
+            threading.Thread(target=_leave, args=(given,), name=f"{OURS}-end", daemon=True).start()
             return
-        only_ours = all(thread.name.startswith(OURS) for thread in waited_for)
-        if only_ours and monotonic() - since > GRACE_SECONDS:
-            sys.stdout.flush()
-            sys.stderr.flush()
-            # Without the end that Python makes: it would not come while they run.
-            os._exit(0)
+        sleep(LOOK_SECONDS)
+
+
+def _leave(given: Sequence[object]) -> None:
+    while not all(_is_ours(thread) for thread in _waited_for()):
+        sleep(LOOK_SECONDS)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # Without the end that Python makes: it would not come while they run.
+    os._exit(_exit_status(given))
+
+
+def _waited_for() -> list[threading.Thread]:
+    main = threading.main_thread()
+    return [thread for thread in threading.enumerate() if thread is not main and not thread.daemon]
+
+
+def _is_ours(thread: threading.Thread) -> bool:
+    return thread.name.startswith(OURS)
+
+
+def _exit_status(given: Sequence[object]) -> int:
+    if not given:
+        return int(hasattr(sys, "last_value"))
+    status = given[-1]
+    return status if isinstance(status, int) else int(status is not None)

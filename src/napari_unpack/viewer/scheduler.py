@@ -437,15 +437,15 @@ class Scheduler:
             Takes the error, `Cancelled` among them; by default the scheduler's own `failed` does.
         slot : hashable, optional
             Replaces what waits in this slot of the worker; by default the task's key. Where a
-            task of the same key waits or runs in a given slot, its result serves both.
+            task of the same key, not cancelled, is on its way in a given slot, it serves both.
         """
         if self.closed:
             return
         place = task.key if slot is None else slot
         here = [j for j in self._workers.jobs(self) if (j.worker, j.slot) == (worker, place)]
-        # What is being answered already is not computed twice.
+        # What is being answered already, and not cancelled, is not computed twice.
         same = [j for j in here if slot is not None and j.task.key == task.key]
-        if same:
+        if same and not same[-1].stopping.is_set():
             same[-1].listeners.append((done, failed))
             return
         for job in here:

@@ -12,7 +12,7 @@ from napari_unpack.geometry.rays import voxel_from_world
 from napari_unpack.rendering.casting import rays_for
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.viewer.protocols import Pixel
-from napari_unpack.viewer.surface_points import label_at
+from napari_unpack.viewer.surface_points import before_planes, label_at
 
 if TYPE_CHECKING:
     from napari_unpack.session import Session
@@ -127,7 +127,7 @@ def surface_voxel(
     points = weights @ rays.table[:3] + t[:, None] * (weights @ rays.table[3:])
     spots = np.rint(points).astype(np.int64)
     inside = ((spots >= 0) & (spots < session.labels.shape)).all(axis=1)
-    spots = spots[inside]
+    spots = spots[inside & before_planes(points, session.clipping)]
     hits = np.flatnonzero(session.labels[tuple(spots.T)] == object_id)
     if not len(hits):
         return _beside(session, spots, object_id)

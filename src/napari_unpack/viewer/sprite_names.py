@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 # (2, 2): first and last row and column, pixels of the frame.
 Box = NDArray[np.float64]
+# (N, 2, 2) of them.
+Boxes = NDArray[np.float64]
+Written = tuple[int, Box, Quad]
 
 # Logical pixels between a sprite and its name, and the room below which a name tells nothing.
 GAP, LEAST_ROOM = 2.0, 40.0
@@ -53,6 +56,7 @@ class SpriteNames:
         self._pixel_scale, self._text = pixel_scale, CanvasText(pixel_scale)
         self._shown = False
         self._names: tuple[object, Mapping[int, str]] = (None, {})
+        self._written: tuple[object, Sequence[Written]] = (None, ())
 
     @property
     def shown(self) -> bool:
@@ -71,8 +75,8 @@ class SpriteNames:
             return ()
         return [quad for _, _, quad in self.written_at(frame)]
 
-    def written_at(self, frame: Frame) -> Iterator[tuple[int, Box, Quad]]:
-        """Yield the objects whose names are written, where, and their quads.
+    def written_at(self, frame: Frame) -> Sequence[Written]:
+        """Return the objects whose names are written, where, and their quads.
 
         Parameters
         ----------
@@ -81,23 +85,29 @@ class SpriteNames:
         """
         scale, names = self._pixel_scale(), self._names_now()
         on_light = self._session.decorations.background.is_light
-        boxes = {i: sprite_pixels(s, frame) for i, s in self._sprites.sprites.items() if i in names}
+        sprites = {i: s for i, s in self._sprites.sprites.items() if i in names}
+        boxes = _boxes([sprite_pixels(sprite, frame) for sprite in sprites.values()])
         cell = self._session.slots.cell_mm * frame.size[0] / frame.camera.height
-        taken: list[Box] = []
-        for object_id, box in boxes.items():
-            room = max(cell, float(np.ptp(box[:, 1])))
+        known_for = names, tuple(sprites), boxes.tobytes(), cell, frame.size, scale, on_light
+        if self._written[0] == known_for:
+            return self._written[1]
+        written: list[Written] = []
+        for k, object_id in enumerate(sprites):
+            room = max(cell, float(np.ptp(boxes[k, :, 1])))
             if room < LEAST_ROOM * scale:
                 continue
-            others = [other for i, other in boxes.items() if i != object_id]
+            others, taken = np.delete(boxes, k, axis=0), _boxes([box for _, box, _ in written])
             # A name that must lose its middle is the second choice.
             for longest in (WIDER * room, room):
                 image = self._text.image(names[object_id], on_light, round(longest))
-                spots = places(box, image.size, frame.size, GAP * scale)
+                spots = places(boxes[k], image.size, frame.size, GAP * scale)
                 found = first_free(spots, taken, others)
                 if found is not None:
-                    taken.append(found)
-                    yield object_id, found, text_quad(image, found[0, 0], found[0, 1], frame.size)
+                    quad = text_quad(image, found[0, 0], found[0, 1], frame.size)
+                    written.append((object_id, found, quad))
                     break
+        self._written = known_for, written
+        return written
 
     def _names_now(self) -> Mapping[int, str]:
         # The table is a copy of all facts: too much for every draw.
@@ -132,26 +142,31 @@ def places(box: Box, size: tuple[int, int], canvas: tuple[int, int], gap: float)
             yield np.array([(top, left), (top + height, left + width)])
 
 
-def first_free(spots: Iterable[Box], taken: Sequence[Box], others: Sequence[Box]) -> Box | None:
+def first_free(spots: Iterable[Box], taken: Boxes, others: Boxes) -> Box | None:
     """Return the first place clear of other names, and of other sprites but for a corner.
 
     Parameters
     ----------
     spots : iterable of (2, 2) ndarray of float64
-    taken : sequence of (2, 2) ndarray of float64
+    taken : (M, 2, 2) ndarray of float64
         Of the names that are written.
-    others : sequence of (2, 2) ndarray of float64
+    others : (N, 2, 2) ndarray of float64
         Of the other sprites.
     """
     for spot in spots:
         area = float(np.prod(spot[1] - spot[0]))
-        covered = max((_common(spot, other) for other in others), default=0.0)
-        if not any(_common(spot, name) for name in taken) and covered <= MOST_COVERED * area:
+        covered = _common(spot, others).max(initial=0.0)
+        if not _common(spot, taken).any() and covered <= MOST_COVERED * area:
             return spot
     return None
 
 
-def _common(a: Box, b: Box) -> float:
-    """Return the area that two rectangles share."""
-    edges = np.minimum(a[1], b[1]) - np.maximum(a[0], b[0])
-    return float(np.prod(edges)) if (edges > 0).all() else 0.0
+def _common(a: Box, boxes: Boxes) -> NDArray[np.float64]:
+    """Return the (N,) areas that a rectangle shares with others."""
+    edges = np.minimum(a[1], boxes[:, 1]) - np.maximum(a[0], boxes[:, 0])
+    areas: NDArray[np.float64] = edges.clip(min=0.0).prod(axis=1)
+    return areas
+
+
+def _boxes(boxes: Sequence[Box]) -> Boxes:
+    return np.array(boxes, dtype=np.float64).reshape(-1, 2, 2)

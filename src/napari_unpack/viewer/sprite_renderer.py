@@ -68,7 +68,8 @@ class SpriteRenderer:
     ) -> None:
         self.casts = 0
         self._session, self._scheduler, self.show = session, scheduler, show
-        self._made: dict[int, tuple[Key, Sprite]] = {}
+        # None where an object's own opacity shows nothing of it.
+        self._made: dict[int, tuple[Key, Sprite | None]] = {}
         # What each was cast from, by whichever worker cast it.
         self._sources: dict[int, tuple[Hashable, ReferenceType[Subvolume]]] = {}
         self._asked: dict[int, Key] = {}
@@ -82,7 +83,7 @@ class SpriteRenderer:
         return not self._asked
 
     def has(self, object_id: int) -> bool:
-        """Return whether there is any sprite of an object, if an older one."""
+        """Return whether there is any sprite of an object, if an older one or an empty one."""
         return object_id in self._made
 
     def appearance_changed(self) -> None:
@@ -121,7 +122,7 @@ class SpriteRenderer:
             have = self._made.get(object_id)
             # In pivot space an image stays right wherever it is put.
             here = self._wanted[object_id]
-            if have is not None and not have[1].is_at(here):
+            if have is not None and have[1] is not None and not have[1].is_at(here):
                 self._made[object_id] = have = (have[0], have[1].moved(here))
             if have is not None and have[0] == key:
                 # Turned and at once turned back: what was asked for between comes too late.
@@ -169,11 +170,10 @@ class SpriteRenderer:
         if self._asked[object_id] == key:
             del self._asked[object_id]
         # It may have gone back into the bag meanwhile.
-        if object_id in self._wanted and sprite is not None:
-            self._made[object_id] = key, sprite.moved(self._wanted[object_id])
+        if object_id in self._wanted:
+            self._made[object_id] = key, sprite and sprite.moved(self._wanted[object_id])
             self._publish()
 
     def _publish(self) -> None:
-        self.show(
-            {i: self._made[i][1] for i in self._wanted if i in self._made and i in self._shown}
-        )
+        made = {i: self._made[i][1] for i in self._wanted if i in self._made and i in self._shown}
+        self.show({i: sprite for i, sprite in made.items() if sprite is not None})

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.geometry.axes import Vector, triple
+from napari_unpack.geometry.axes import Vector, triple, unit
+from napari_unpack.geometry.transforms import Projection
+from napari_unpack.layers.view_camera import Frame
 from napari_unpack.session.measurements import SurfacePoint
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.viewer.protocols import Pixel
@@ -15,6 +17,9 @@ from napari_unpack.viewer.protocols import Pixel
 if TYPE_CHECKING:
     from napari_unpack.session import Session
     from napari_unpack.viewer.controller import SessionController
+
+# How far around a point its surface's normal is found: steps of voxels must not decide.
+NORMAL_VOXELS = 4
 
 # Samples along a ray, smallest voxel edges: a tenth of a voxel is finer than its label is.
 STEP = 0.1
@@ -40,6 +45,40 @@ def surface_point(target: SessionController, pixel: Pixel) -> SurfacePoint | Non
     planes = session_planes(target.session, object_id)
     at = first_on_ray(target.session, object_id, start, way, planes)
     return None if at is None else SurfacePoint(object_id, triple(at))
+
+
+def surface_normal(target: SessionController, pixel: Pixel, frame: Frame) -> Vector | None:
+    """Return the direction straight out of the packed object that a pixel shows.
+
+    Parameters
+    ----------
+    target : SessionController
+    pixel : (2,) ndarray of float64
+        Of the frame, row and column.
+    frame : Frame
+        What the canvas shows.
+
+    Returns
+    -------
+    (3,) ndarray of float64 or None
+        Unit vector in world; None where no object is seen.
+    """
+    session, camera = target.session, frame.camera
+    object_id = next(iter(target.renderer.picker.packed_at(*pixel)), 0)
+    start, way = Projection(camera.pivot_from_world(), camera).ray(pixel, frame.size)
+    planes, spacing = session.clipping, session.spacing
+    at = first_on_ray(session, object_id, start, way, planes) if object_id else None
+    if at is None:
+        return None
+    reach = NORMAL_VOXELS * spacing.max()
+    low = np.maximum((at - reach) // spacing, 0).astype(np.int64)
+    high = (at + reach) // spacing + 2
+    box = tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
+    voxels = np.argwhere(session.labels[box] == object_id) + low
+    away = at - voxels[before_planes(voxels, planes)] * spacing
+    out = away[np.linalg.norm(away, axis=1) < reach].sum(axis=0)
+    # Straight out as the bag is drawn, also where that is sheared.
+    return unit(camera.in_world(np.linalg.solve(camera.linear.T, out))) if out.any() else None
 
 
 def label_at(session: Session, voxel: NDArray[np.float64]) -> int | None:
@@ -72,6 +111,22 @@ def session_planes(session: Session, object_id: int) -> NDArray[np.float64]:
     return np.zeros((0, 2, 3)) if own is None else own
 
 
+def before_planes(voxels: NDArray[np.float64], planes: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return (K,) of bool: which points no plane cuts away.
+
+    Parameters
+    ----------
+    voxels : (K, 3) ndarray of float64
+        z y x.
+    planes : (N, 2, 3) ndarray of float64
+        What lies behind one is not there, voxels.
+    """
+    shown = np.ones(len(voxels), np.bool_)
+    for point, normal in planes:
+        shown &= (voxels - point) @ normal >= 0
+    return shown
+
+
 def first_on_ray(
     session: Session, object_id: int, start: Vector, way: Vector, planes: NDArray[np.float64]
 ) -> Vector | None:
@@ -101,9 +156,7 @@ def first_on_ray(
     count = int(np.ceil(length / (STEP * spacing.min()))) + 1
     points = start + np.linspace(near, far, count)[:, None] * way
     voxels = points / spacing
-    shown = np.ones(count, np.bool_)
-    for point, normal in planes:
-        shown &= (voxels - point) @ normal >= 0
+    shown = before_planes(voxels, planes)
     for labels in (bag.labels, session.display_labels):
         spots = np.rint(voxels).astype(np.int64)
         inside = shown & ((spots >= 0) & (spots < labels.shape)).all(axis=1)

@@ -146,12 +146,13 @@ def layer_view(viewer: napari.Viewer, layer: Labels) -> VolumeView | SliceView:
     shown = [axis - missing for axis in viewer.dims.displayed if axis >= missing]
     if len(shown) < 2:
         raise ValueError(f"{layer.name} is not shown in this view")
-    point = np.asarray(viewer.dims.point)[missing:]
+    ratios = unit_ratios(layer, units_of(viewer))
+    point = np.asarray(viewer.dims.point)[missing:] / ratios
     at = np.clip(np.rint(layer.world_to_data(point)), 0, np.array(data.shape) - 1).astype(int)
     cut = tuple(slice(None) if axis in shown else int(at[axis]) for axis in range(layer.ndim))
     labels = np.transpose(np.asarray(data[cut]), np.argsort(np.argsort(shown)))
     zoom, matrix = viewer.scene.camera.zoom, _world_from_data(layer, at, shown)
-    matrix[:-1] *= unit_ratios(layer, units_of(viewer))[shown, None]
+    matrix[:-1] *= ratios[shown, None]
     if len(shown) == 2:
         down, right = np.linalg.norm(matrix[:-1, :-1], axis=0) * zoom
         return SliceView(labels, (float(down), float(right)))

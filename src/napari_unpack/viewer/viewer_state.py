@@ -115,17 +115,9 @@ class SavedView:
         z, y, x = center.tolist()
         return replace(self, center=(z, y, x), zoom=self.zoom / grown)
 
-    def give_back(self, camera: Camera, perspective: bool = True) -> None:
-        """Have a camera look so again.
-
-        Parameters
-        ----------
-        camera : napari.components.Camera
-        perspective : bool, optional
-            False leaves its perspective as it is.
-        """
-        wanted = {"center": self.center, "zoom": self.zoom, "angles": self.angles}
-        camera.update(wanted | ({"perspective": self.perspective} if perspective else {}))
+    def give_back(self, camera: Camera) -> None:
+        """Have a camera look so again."""
+        camera.update(vars(self))
 
 
 @dataclass(frozen=True, eq=False)

@@ -108,6 +108,9 @@ class ReviewBox(Collapsible):
         self._repair.answer(doubt, said)
 
     def _follow(self) -> None:
+        # Two sessions ask with equal keys: what is looked for in the one shown before answers none.
+        for slot in (SLOT, PICTURE_SLOT):
+            self._workspace.scheduler.cancel(slot)
         self._left = []
         self.picture.clear()
         self._ask()
