@@ -16,9 +16,10 @@ from qtpy.QtWidgets import QApplication, QLineEdit
 
 from napari_unpack.geometry.length_unit import MM
 from napari_unpack.session import ObjectState
+from napari_unpack.widgets.object_cells import PADDING, SMALLER
 from napari_unpack.widgets.object_columns import MARKS, Column
 from napari_unpack.widgets.object_model import ID, ObjectModel
-from napari_unpack.widgets.object_table import PADDING, SMALLER, ObjectTable
+from napari_unpack.widgets.object_table import ObjectTable
 
 DISPLAY = Qt.ItemDataRole.DisplayRole
 

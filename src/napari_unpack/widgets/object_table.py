@@ -2,65 +2,55 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from qtpy.QtCore import (
-    QEvent,
     QItemSelection,
     QItemSelectionModel,
     QItemSelectionRange,
     QModelIndex,
-    QPointF,
-    QRectF,
-    QSize,
     QSortFilterProxyModel,
     Qt,
     Signal,
 )
 from qtpy.QtGui import (
-    QColor,
     QFont,
-    QFontInfo,
     QFontMetrics,
     QKeySequence,
     QPainter,
-    QPainterPath,
-    QPen,
-    QPolygonF,
 )
 from qtpy.QtWidgets import (
     QAbstractItemView,
     QHeaderView,
     QLineEdit,
     QMenu,
-    QStyle,
     QStyledItemDelegate,
     QTableView,
-    QWidget,
 )
 
 from napari_unpack.session.object_state import ObjectState
+from napari_unpack.widgets.object_cells import (
+    DRAWN,
+    PADDING,
+    ROW,
+    ClickDelegate,
+    NameDelegate,
+    TextDelegate,
+)
 from napari_unpack.widgets.object_columns import MARKS, SHORT_TITLES, Column, choice_of, sought
-from napari_unpack.widgets.object_model import FLAG, ID, STATE, Index, ObjectModel
+from napari_unpack.widgets.object_model import ID, Index, ObjectModel
 from napari_unpack.widgets.remembered import ChosenColumns
 from napari_unpack.widgets.sorted_rows import SortedRows
 
 if TYPE_CHECKING:
-    from qtpy.QtCore import QAbstractItemModel, QObject, QPoint
+    from qtpy.QtCore import QObject, QPoint
     from qtpy.QtGui import QKeyEvent, QPaintEvent, QResizeEvent
-    from qtpy.QtWidgets import QStyleOptionViewItem
 
     from napari_unpack.session import Session
 
-Draw = Callable[[QPainter, QRectF, "QModelIndex", "QStyleOptionViewItem"], None]
-
 Widths = dict[Column, int]
-
-# Height of a row, pixels: an eye and a swatch with room around them.
-ROW = 24
 
 WIDTHS = {
     Column.EYE: 22,
@@ -90,9 +80,6 @@ WIDEST = {
 
 # Said where a search or a choice lists no object.
 NO_MATCH = "No object matches."
-
-# Pixels: Qt's own margins of a cell and those of the style sheet.
-PADDING = 15
 
 # From left to right; a table that chooses by itself shows the first five, and of the others what
 # it has room for, the state beneath the name where volume and confidence would have none. Tooltips
@@ -214,169 +201,6 @@ class ObjectFilter(QSortFilterProxyModel):
         return self._text in told.searched or self._text == str(told.label)
 
 
-class _ClickDelegate(QStyledItemDelegate):
-    """A drawn cell that emits one click and leaves the selection as it is."""
-
-    clicked = Signal(int)
-
-    def __init__(self, draw: Draw, parent: QWidget) -> None:
-        super().__init__(parent)
-        self._draw = draw
-
-    def editorEvent(
-        self,
-        event: QEvent,
-        model: QAbstractItemModel,
-        option: QStyleOptionViewItem,
-        index: QModelIndex,
-    ) -> bool:
-        if (
-            event.type() == QEvent.Type.MouseButtonRelease
-            and event.button() == Qt.MouseButton.LeftButton
-        ):
-            self.clicked.emit(int(index.data(ID)))
-        # True says that the event was used: the view then leaves the selection alone.
-        return event.type() in (
-            QEvent.Type.MouseButtonPress,
-            QEvent.Type.MouseButtonRelease,
-            QEvent.Type.MouseButtonDblClick,
-        )
-
-    def paint(self, painter: QPainter, option: QStyleOptionViewItem, index: QModelIndex) -> None:
-        if option.state & QStyle.StateFlag.State_Selected:
-            painter.fillRect(option.rect, option.palette.highlight())
-        painter.save()
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        self._draw(painter, QRectF(option.rect), index, option)
-        if option.state & QStyle.StateFlag.State_HasFocus:
-            # Space acts on this cell.
-            painter.setPen(QPen(option.palette.text().color(), 1, Qt.PenStyle.DotLine))
-            painter.setBrush(Qt.BrushStyle.NoBrush)
-            painter.drawRect(QRectF(option.rect).adjusted(1.5, 1.5, -1.5, -1.5))
-        painter.restore()
-
-    def sizeHint(self, option: QStyleOptionViewItem, index: QModelIndex) -> QSize:
-        return QSize(ROW, ROW)
-
-
-# What tells names apart that begin alike: a number, a mark.
-END = re.compile(r"\s\S{1,3}$")
-
-# A second line is smaller than the first by the factor that browsers have for small print.
-SMALLER = 5 / 6
-
-
-class _TextDelegate(QStyledItemDelegate):
-    """A text, which stays as it is being typed."""
-
-    def setEditorData(self, editor: QWidget, index: QModelIndex) -> None:
-        # Again with all news of the object, such as where it flies.
-        if not editor.property("filled"):
-            super().setEditorData(editor, index)
-            editor.setProperty("filled", True)
-
-
-class _NameDelegate(_TextDelegate):
-    """A name, and beneath it the state where the state has no column."""
-
-    says_state = False
-
-    def height(self, font: QFont) -> int:
-        """Return the height of a row in a font."""
-        if not self.says_state:
-            return ROW
-        return max(ROW, QFontMetrics(font).height() + QFontMetrics(_small(font)).height() + 4)
-
-    def initStyleOption(self, option: QStyleOptionViewItem, index: QModelIndex) -> None:
-        super().initStyleOption(option, index)
-        if self.says_state:
-            option.text = ""
-        elif option.rect.isValid():
-            room = option.rect.width() - PADDING
-            option.text = _shortened(option.text, option.fontMetrics, room)
-
-    def paint(self, painter: QPainter, option: QStyleOptionViewItem, index: QModelIndex) -> None:
-        super().paint(painter, option, index)
-        if not self.says_state:
-            return
-        painter.save()
-        state = index.siblingAtColumn(Column.STATE)
-        left, color = Qt.AlignmentFlag.AlignLeft, option.palette.text().color()
-        cell = option.rect.adjusted(PADDING // 2, 2, -4, -2)
-        first, second = (
-            left | side for side in (Qt.AlignmentFlag.AlignTop, Qt.AlignmentFlag.AlignBottom)
-        )
-        for font, side, text in (
-            (option.font, first, index.data()),
-            (_small(option.font), second, state.data()),
-        ):
-            painter.setFont(font)
-            painter.setPen(color)
-            shown = _shortened(text, QFontMetrics(font), cell.width())
-            painter.drawText(cell, side, shown)
-            # What can be done with an object is as plain as its name; where it is, is not.
-            color.setAlphaF(1.0 if text in MARKS else 0.7)
-        painter.restore()
-
-
-def _draw_swatch(
-    painter: QPainter, cell: QRectF, index: QModelIndex, _option: QStyleOptionViewItem
-) -> None:
-    """Draw the colour of an object: full in the bag, else a ring; its opacity inside."""
-    color = index.data(Qt.ItemDataRole.DecorationRole)
-    square = QRectF(0, 0, 12, 12).adjusted(1, 1, -1, -1)
-    square.moveCenter(cell.center())
-    painter.setBrush(Qt.BrushStyle.NoBrush)
-    if index.data(STATE) is ObjectState.PACKED:
-        painter.setBrush(color)
-    rim = QColor(color)
-    # An object that is nearly transparent keeps a swatch that one can see and click.
-    rim.setAlphaF(1.0)
-    painter.setPen(QPen(rim, 2))
-    painter.drawRoundedRect(square, 3, 3)
-
-
-def _draw_eye(
-    painter: QPainter, cell: QRectF, index: QModelIndex, option: QStyleOptionViewItem
-) -> None:
-    """Draw an eye: open, or faint and closed where the object is hidden."""
-    hidden = index.data(STATE) is ObjectState.HIDDEN
-    color = QColor(option.palette.text().color())
-    color.setAlphaF(0.35 if hidden else 0.85)
-    middle = cell.center()
-    painter.setPen(QPen(color, 1.3))
-    lids = QPainterPath(middle + QPointF(-7, 0))
-    lids.quadTo(middle + QPointF(0, 8), middle + QPointF(7, 0))
-    if not hidden:
-        lids.quadTo(middle + QPointF(0, -8), middle + QPointF(-7, 0))
-    painter.drawPath(lids)
-    if not hidden:
-        painter.setBrush(color)
-        painter.drawEllipse(middle, 2.0, 2.0)
-
-
-FLAG_COLORS = {"suspicious": "#e5484d", "cleared": "#46a758"}
-
-
-def _draw_flag(
-    painter: QPainter, cell: QRectF, index: QModelIndex, option: QStyleOptionViewItem
-) -> None:
-    """Draw a flag: filled for what is suspicious, a tick for what is cleared, else faint."""
-    flag, middle = index.data(FLAG), cell.center()
-    color = QColor(FLAG_COLORS.get(flag) or option.palette.text().color())
-    if flag is None:
-        color.setAlphaF(0.25)
-    painter.setPen(QPen(color, 2.0 if flag == "cleared" else 1.3, cap=Qt.PenCapStyle.RoundCap))
-    if flag == "cleared":
-        tick = [QPointF(-5, 0), QPointF(-1.5, 4), QPointF(5, -4)]
-        painter.drawPolyline(QPolygonF([middle + point for point in tick]))
-        return
-    painter.drawLine(middle + QPointF(-4, -6), middle + QPointF(-4, 6))
-    painter.setBrush(color if flag else Qt.BrushStyle.NoBrush)
-    cloth = [QPointF(-4, -6), QPointF(5, -3), QPointF(-4, 0)]
-    painter.drawPolygon(QPolygonF([middle + point for point in cloth]))
-
-
 @dataclass(frozen=True)
 class _Typed:
     """A name or a note that is being typed, with the place of the cursor."""
@@ -421,7 +245,7 @@ class ObjectTable(QTableView):
         self._typed: _Typed | None = None
         self._widths: Widths = {}
         self._columns = ChosenColumns(key)
-        self._texts, self._names = _TextDelegate(self), _NameDelegate(self)
+        self._texts, self._names = TextDelegate(self), NameDelegate(self)
         self.setItemDelegate(self._texts)
         self.setItemDelegateForColumn(Column.NAME, self._names)
         self._clicked = {
@@ -429,12 +253,11 @@ class ObjectTable(QTableView):
             Column.SWATCH: self.swatch_clicked,
             Column.FLAG: self.flag_clicked,
         }
-        draws = (_draw_eye, _draw_swatch, _draw_flag)
         # Kept: a view does not own its delegates.
-        self._delegates = [_ClickDelegate(draw, self) for draw in draws]
-        for delegate, (column, clicked) in zip(self._delegates, self._clicked.items(), strict=True):
-            delegate.clicked.connect(clicked)
-            self.setItemDelegateForColumn(column, delegate)
+        self._cells = {column: ClickDelegate(draw, self) for column, draw in DRAWN.items()}
+        for column, cell in self._cells.items():
+            cell.clicked.connect(self._clicked[column])
+            self.setItemDelegateForColumn(column, cell)
         self._set_looks()
         rows = self.rows
         self._held: frozenset[int] = frozenset()
@@ -683,21 +506,6 @@ class ObjectTable(QTableView):
             event.ignore()
             return
         super().keyPressEvent(event)
-
-
-def _shortened(text: str, metrics: QFontMetrics, room: int) -> str:
-    """Return as much of a text as there is room for, with a number or mark at its end."""
-    found = END.search(text)
-    end = found[0] if found else ""
-    rest, right = text.removesuffix(end), Qt.TextElideMode.ElideRight
-    return metrics.elidedText(rest, right, room - metrics.horizontalAdvance(end)) + end
-
-
-def _small(font: QFont) -> QFont:
-    """Return a font for a second line."""
-    small = QFont(font)
-    small.setPixelSize(round(SMALLER * QFontInfo(font).pixelSize()))
-    return small
 
 
 def _runs(rows: list[int]) -> list[list[int]]:
