@@ -80,6 +80,21 @@ def test_pictures_of_wide_numbers_are_as_light_as_their_range_tells(tmp_path, dt
     np.testing.assert_array_equal(found, np.stack([grey] * 3, axis=2))
 
 
+def test_a_highlight_makes_no_picture_dark():
+    picture = np.full((20, 20, 3), 0.6)
+    picture[3, 4] = 40.0
+    found = Background.of(picture).image
+    assert found[0, 0].tolist() == [153, 153, 153]
+    assert found[3, 4].tolist() == [255, 255, 255]
+
+
+def test_the_whole_range_of_unsigned_numbers_is_from_black_to_white():
+    picture = np.zeros((2, 2, 3), np.uint32)
+    picture[0] = 2**32 - 1
+    found = Background.of(picture).image
+    assert (found[0].min(), found[1].max()) == (255, 0)
+
+
 @pytest.mark.parametrize("value", [1e6, np.nan, np.inf])
 def test_a_picture_without_a_known_white_is_refused_in_a_sentence(value):
     picture = np.zeros((4, 4, 3), np.float32)

@@ -150,3 +150,12 @@ def test_what_is_too_small_for_an_object(
     shape: tuple[int, int, int], spacing: tuple[float, float, float], wanted: float
 ) -> None:
     assert default_smallest_object(shape, spacing) == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("contrast", [0, 1, 3])
+def test_what_hardly_stands_above_its_noise_is_noisy(seed: int, contrast: int) -> None:
+    rng = np.random.default_rng(seed)
+    noise, shapes = rng.normal(size=(48,) * 3), gaussian_filter(rng.normal(size=(48,) * 3), 4)
+    things = shapes > np.quantile(shapes, 0.9)
+    assert is_noisy(1000 * (noise + contrast * things) + 5000)

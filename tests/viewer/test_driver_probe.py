@@ -74,13 +74,18 @@ def test_a_driver_without_float_textures_is_found_out_by_the_child(
 
 
 def test_a_driver_is_tried_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    reasons = iter(("it draws nothing", ""))
+    reasons = iter(("it draws nothing", "", trial.LATE, trial.LATE))
     monkeypatch.setattr(driver_probe, "tried", lambda _: next(reasons))
     scheduler: Any = SimpleNamespace(submit=lambda task, _, done: done(task.run(None)))
     told: list[str] = []
     for driver in ("card, 1.0", "card, 1.0", "card, 2.0", "card, 1.0"):
         probe_driver(driver, scheduler, told.append)
     assert told == ["it draws nothing", "it draws nothing", "", "it draws nothing"]
+    # One that was late may have been on a busy machine.
+    for _ in range(2):
+        probe_driver("busy, 1.0", scheduler, told.append)
+    assert told[4:] == [trial.LATE, trial.LATE]
+    assert next(reasons, None) is None
 
 
 def test_the_processor_draws_where_the_child_did_not(

@@ -92,7 +92,7 @@ def test_an_object_that_its_own_opacity_hides_is_cast_once_and_shown_again_later
     renderer = SpriteRenderer(session, at_once, lambda sprites: shown.append(list(sprites)))
 
     def want() -> tuple[int, list[int]]:
-        renderer.want(session.poses, frozenset(session.poses), 2.0)
+        renderer.want(session.poses, frozenset(session.poses), 2.0, {})
         assert renderer.settled
         assert renderer.has(1)
         return renderer.casts, shown[-1]

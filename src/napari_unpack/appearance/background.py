@@ -166,9 +166,12 @@ def _white(rgb: NDArray[Any]) -> float:
         return float(np.iinfo(rgb.dtype).max)
     # Wider numbers and floats hold any kind of picture: only its lightest value tells which.
     lightest = float(rgb.max())
-    # Where it was made smaller or sharper, it may be a little beyond white.
-    if not whole and lightest <= 2.0:
+    # Where it was made smaller or sharper, it may be a little beyond white; highlights of a
+    # picture of light are far beyond.
+    if not whole and np.quantile(rgb, 0.99) <= 2.0:
         return 1.0
+    if np.issubdtype(rgb.dtype, np.unsignedinteger) and lightest > 65535:
+        return float(np.iinfo(rgb.dtype).max)
     for white in (255.0, 65535.0):
         if lightest <= white:
             return white

@@ -11,7 +11,7 @@ from urllib.parse import quote
 
 from qtpy.QtCore import QSettings
 
-from napari_unpack.rendering.gl.trial import tried
+from napari_unpack.rendering.gl.trial import LATE, tried
 from napari_unpack.tasks import Task
 from napari_unpack.viewer.scheduler import Scheduler, Worker
 
@@ -39,7 +39,9 @@ def probe_driver(driver: str, scheduler: Scheduler, answered: Callable[[str], No
         return
 
     def done(reason: str) -> None:
-        store.setValue(key, reason)
+        # The machine may have been busy: the next start tries again.
+        if reason != LATE:
+            store.setValue(key, reason)
         answered(reason)
 
     scheduler.submit(Task(("driver", driver), lambda _: tried(CHILD)), Worker.LONG, done)

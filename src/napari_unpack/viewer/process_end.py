@@ -100,8 +100,8 @@ def end_despite_workers() -> None:
     Python waits for its threads: for a step of a segmentation half a minute, for a kernel that is
     being compiled longer. What they work on is of no use any more, and files are written whole or
     not at all. Threads of others are waited for as ever, and the functions of `atexit` are called.
-    The exit status is what `sys.exit` is given from now on, and 1 after an error; a `SystemExit`
-    that is raised by hand is told to nobody, and counts as 0.
+    The exit status is 1 after an error, else what `sys.exit` is given from now on, also where that
+    is caught; a `SystemExit` that is raised by hand is told to nobody, and counts as 0.
     """
     # Python ends already, of a script, with its exit status: it waits for them.
     with suppress(RuntimeError):
@@ -152,7 +152,8 @@ def _is_ours(thread: threading.Thread) -> bool:
 
 
 def _exit_status(given: Sequence[object]) -> int:
-    if not given:
-        return int(hasattr(sys, "last_value"))
-    status = given[-1]
+    # An error ends a script, though an exit was caught before.
+    if hasattr(sys, "last_value"):
+        return 1
+    status = given[-1] if given else None
     return status if isinstance(status, int) else int(status is not None)

@@ -12,7 +12,11 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter, uniform_filte
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.common.flooding import flood
 from napari_unpack.segmentation.common.validation import Spacing
-from napari_unpack.segmentation.foreground.thresholds import NothingFoundError, find_levels
+from napari_unpack.segmentation.foreground.thresholds import (
+    NothingFoundError,
+    find_levels,
+    noise_of_steps,
+)
 from napari_unpack.tasks import SILENT, Share
 
 # Of neighbouring voxels, below which a volume is mostly noise. Measured: 0.83 and above on scans
@@ -55,10 +59,13 @@ def _is_clear(density: NDArray[Any]) -> bool:
         levels = find_levels(density)
     except NothingFoundError:
         return False
+    # Levels within the noise tell too little of it.
+    thin = max(1, density.shape[0] // 64)
+    noise = max(levels.noise, noise_of_steps(density[::thin]))
     foreground = density[density >= levels.high].astype(np.float64)
-    if not (levels.noise > 0 and len(foreground)):
+    if not (noise > 0 and len(foreground)):
         return False
-    return float(np.median(foreground)) > levels.air + CLEAR * levels.noise
+    return float(np.median(foreground)) > levels.air + CLEAR * noise
 
 
 def _neighbour_correlation(density: NDArray[np.generic]) -> float:

@@ -72,7 +72,7 @@ def find_levels(volume: NDArray[np.generic]) -> Levels:
         top = float(sample.max())
     levels = _levels(sample, top, 0)
     # Of hardly any foreground the lower threshold parts the noise.
-    if levels.high - levels.air < 3 * _step_noise(grid):
+    if levels.high - levels.air < 3 * noise_of_steps(grid):
         # All of it may lie above the quantile.
         upper = _levels(sample, float(sample.max()), 1)
         if (sample > upper.low).mean() < LITTLE_FOREGROUND:
@@ -100,9 +100,16 @@ def _levels(sample: NDArray[np.float64], top: float, which: int) -> Levels:
     return Levels(air, noise, air + 0.65 * (high - air), high)
 
 
-def _step_noise(grid: NDArray[np.float64]) -> float:
-    """Return the deviation of noise between neighbours along x, or less where much is clipped."""
-    steps = _finite(np.abs(np.diff(grid, axis=-1)))
+def noise_of_steps(grid: NDArray[Any]) -> float:
+    """Return the deviation of noise between neighbours along x, or less where much is clipped.
+
+    Parameters
+    ----------
+    grid : (Z, Y, X) ndarray
+        Densities; what is not finite is left out.
+    """
+    with np.errstate(invalid="ignore"):
+        steps = _finite(np.abs(np.diff(grid.astype(np.float64, copy=False), axis=-1)))
     # Half of the differences of two normal values lie below 0.95 of one's deviation.
     return float(np.median(steps)) / 0.95 if len(steps) else 0.0
 
