@@ -410,6 +410,7 @@ def edit_labels(
     edit: Edit,
     known: frozenset[int],
     new_hues: Mapping[int, float],
+    taken_whole: frozenset[int],
     owner: Callable[[SurfacePoint], int],
 ) -> SessionState:
     """Follow an edit of the labels.
@@ -423,15 +424,17 @@ def edit_labels(
         The objects there are then.
     new_hues : mapping of int to float
         Of those that were not there before.
+    taken_whole : frozenset of int
+        Objects that are gone at once: what was said of each goes to the one that took most of it.
+        Not those that a brush covered, of which little may have been left.
     owner : callable
         Given a point, tells which object has the voxel that it is on now.
     """
     origins = {i: origin_of(edit.change, i) for i in new_hues}
     parts = {i: f"{state.names[o]}, part" for i, o in origins.items() if o in state.names}
-    # What is said of objects that are gone goes to those that took most of their voxels.
     back = edit.change.reverse()
     said = state.names.keys() | state.colors.keys() | state.notes.keys() | state.flags.keys()
-    heirs = {i: heir for i in sorted(said - known) if (heir := origin_of(back, i))}
+    heirs = {i: heir for i in sorted(said & taken_whole) if (heir := origin_of(back, i))}
     # What is cleared goes to nobody: that was said of one object, and not of all it became part of.
     sources = (*origins.items(), *((heir, gone) for gone, heir in heirs.items()))
     suspected = {i: state.flags[o] for i, o in sources if state.flags.get(o) == "suspicious"}
