@@ -283,24 +283,26 @@ def move(state: SessionState, object_id: int, placement: Placement) -> SessionSt
     object_id : int
     placement : Placement
     """
+    if placement is state.placements[object_id]:
+        return state
     return replace(state, placements={**state.placements, object_id: placement})
 
 
 def place(
     placement: Placement,
     pose: Pose,
-    window_mm: tuple[float, float],
+    slots: Slots,
     picture: Callable[[Matrix], tuple[float, float]],
 ) -> Placement:
-    """Return a placement put somewhere else by hand.
+    """Return a placement put somewhere else by hand; itself where it is there.
 
     Parameters
     ----------
     placement : Placement
     pose : Pose
         In pivot space.
-    window_mm : (float, float)
-        Height and width of the window, mm.
+    slots : Slots
+        Of the window as it is now.
     picture : callable
         Given how the object is held, returns width and height of its picture, mm.
 
@@ -309,7 +311,10 @@ def place(
     TypeError, ValueError
         As `checked_pose`.
     """
-    placed = replace(placement, placed=checked_pose(pose), within=window_mm)
+    wanted = checked_pose(pose)
+    if wanted.is_at(placement.pose(slots, wanted.stretch)):
+        return placement
+    placed = replace(placement, placed=wanted, within=slots.window_mm)
     # Moved and not turned, its picture is as large as it was: no hull is needed.
     if np.array_equal(placed.rotation, pose.rotation):
         return placed
@@ -319,7 +324,7 @@ def place(
 def turn(
     placement: Placement, rotation: Matrix, picture: Callable[[Matrix], tuple[float, float]]
 ) -> Placement:
-    """Return a placement held another way by hand.
+    """Return a placement held another way by hand; itself where it is held so.
 
     Parameters
     ----------
@@ -335,6 +340,8 @@ def turn(
         If it is no rotation.
     """
     held = checked_rotation(rotation)
+    if np.array_equal(held, placement.rotation):
+        return placement
     return placement.turned(held, picture(held))
 
 
