@@ -15,6 +15,7 @@ from napari_unpack.geometry.axes import transform_points
 from napari_unpack.geometry.transforms import packed_pose, rotation_about
 from napari_unpack.geometry.view import Camera
 from napari_unpack.session import ObjectState
+from napari_unpack.unpacking import Flight
 
 
 @pytest.fixture(scope="module")
@@ -205,3 +206,42 @@ def test_what_changes_while_an_object_flies_changes_where_it_lands(act) -> None:
     np.testing.assert_allclose(pose.center, landed.center, atol=1e-9)
     np.testing.assert_allclose(pose.rotation, landed.rotation, atol=1e-9)
     assert pose.scale == pytest.approx(landed.scale)
+
+
+def turns(flight: Flight) -> int:
+    """Count the flights that one turns from."""
+    return 0 if flight.before is None else 1 + turns(flight.before)
+
+
+def test_however_often_the_view_changes_a_flight_turns_from_one_other_at_most() -> None:
+    session, now = in_the_air()
+    session.look(replace(session.camera, fov=30.0))
+    session.restore([1])
+    session.land(1)
+    session.unpack([1])
+    now[0] = 0.4
+    session.turn(1, rotation_about((0, 0, 1), 1.5) @ session.camera.rotation)
+    assert turns(session.flights[1]) == 1
+    for k in range(1, 91):
+        now[0] += 0.005
+        before = session.flights[1].pose(now[0], session.camera)
+        session.look(replace(session.camera, fov=30.0 + 0.01 * k))
+        # The turn that was begun goes on: a hundredth of a degree more makes nothing jump.
+        after = session.flights[1].pose(now[0], session.camera)
+        np.testing.assert_allclose(after.rotation, before.rotation, atol=1e-3)
+        np.testing.assert_allclose(after.center, before.center, atol=0.1)
+    assert turns(session.flights[1]) == 1
+    pose = session.flights[1].pose(9.0, session.camera)
+    session.land(1)
+    np.testing.assert_allclose(pose.center, session.poses[1].center, atol=1e-9)
+    np.testing.assert_allclose(pose.rotation, session.poses[1].rotation, atol=1e-9)
+
+
+def test_a_view_that_differs_by_rounding_sends_no_flight_elsewhere() -> None:
+    session, now = in_the_air()
+    session.look(replace(session.camera, fov=30.0))
+    session.unpack(1)
+    flights, now[0] = dict(session.flights), 0.3
+    assert flights
+    session.look(replace(session.camera, fov=30.0 + 1e-8))
+    assert dict(session.flights) == flights

@@ -511,6 +511,27 @@ def test_what_is_said_of_an_object_goes_on_with_what_it_becomes_part_of() -> Non
     assert said.notes == {1: "ask the owner; wires"}
 
 
+def test_what_a_brush_covers_up_leaves_nothing_to_its_neighbour() -> None:
+    made = session()
+    made.annotations.set_flag(2, "suspicious")
+    made.annotations.set_note(2, "wires")
+    made.annotations.set_color(2, (1.0, 0.0, 0.0, 1.0))
+    made.rename(2, "Knife")
+    # Erased but for one voxel, over which the neighbour is painted.
+    for first, label in (((4, 16, 5), 0), ((4, 16, 4), 3)):
+        painted = made.labels.copy()
+        z, y, x = first
+        painted[z:10, y:22, x:10][painted[z:10, y:22, x:10] == 2] = label
+        if label == 0:
+            painted[4, 16, 4] = 2
+        made.label_editor.apply(made.label_editor.paint_task(painted).run(no_progress))
+    assert made.ids == (1, 3)
+    said = made.annotations
+    assert (made.state.names, said.colors, said.notes, said.flags) == ({}, {}, {}, {})
+    made.undo()
+    assert made.state.names == {2: "Knife"}
+
+
 def test_both_parts_of_a_suspicious_object_are_suspicious() -> None:
     made = session()
     made.annotations.set_flag(1, "suspicious")

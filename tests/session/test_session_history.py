@@ -9,6 +9,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
+from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.geometry.view import View
 from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session import ObjectState
@@ -72,6 +73,29 @@ def test_a_command_that_changes_nothing_is_no_step_and_redo_stays_possible(what)
     assert session.state.names == {}
     assert session.redo() == "unpack"
     assert names(session)[1] == "UNPACKED"
+
+
+ALREADY_SO = {
+    "placed in its slot": lambda s: s.place(1, s.poses[1]),
+    "held as it left": lambda s: s.turn(1, s.poses[1].rotation.copy()),
+    "placed by hand": lambda s: s.place(2, replace(s.poses[2], center=s.poses[2].center + 1e-9)),
+    "turned by hand": lambda s: s.turn(2, s.poses[2].rotation),
+}
+
+
+@pytest.mark.parametrize("what", ALREADY_SO)
+def test_what_is_put_where_it_is_or_held_as_it_is_is_no_step(what):
+    session = session_of(stack_of_plates())
+    session.unpack(2)
+    session.place(2, replace(session.poses[2], center=session.poses[2].center + 5.0))
+    session.turn(2, rotation_about((1, 0, 0), 0.5) @ session.poses[2].rotation)
+    session.hide([5])
+    session.undo()
+    before = session.state.placements
+    ALREADY_SO[what](session)
+    assert [step.verb for step in session.history.done] == ["unpack", "move 2"]
+    assert session.state.placements is before
+    assert session.redo() == "hide"
 
 
 def test_what_is_drawn_there_and_back_is_no_step():

@@ -351,6 +351,23 @@ def test_work_inside_outlives_repairs_elsewhere() -> None:
     assert bags.worked_in(outer) == {}
 
 
+def test_voxels_around_a_container_are_compared_once_after_each_repair(monkeypatch) -> None:
+    outer = boxed()
+    outer.opened_bags.open(outer, 1).annotations.set_note(2, "from the sea")
+    compared, equal = [], np.array_equal
+    monkeypatch.setattr(
+        np, "array_equal", lambda a, b: (np.ndim(a) == 3 and compared.append(1), equal(a, b))[1]
+    )
+    for _ in range(3):
+        assert outer.opened_bags.worked_in(outer).keys() == {1}
+    assert compared == []
+    outer.delete(4)
+    compared.clear()
+    for _ in range(3):
+        assert outer.opened_bags.worked_in(outer).keys() == {1}
+    assert compared == [1]
+
+
 def test_parts_of_one_object_share_no_names_with_the_bag(session: Session) -> None:
     inner = session.opened_bags.open(session, 1)
     inner.rename(2, "food")

@@ -117,3 +117,14 @@ def test_a_timeline_closed_while_what_leaves_is_measured_stays_where_it_is(
     monkeypatch.setattr(type(session.bag), "oriented", close)
     assert run_to(session, scheduler, 2, False, lambda _: None) == 0
     assert session.steps == ()
+
+
+def test_what_is_in_the_air_flies_on_while_the_timeline_is_drawn(session) -> None:
+    session.unpack(1)
+    session.animated = True
+    flying = session.unpack(1)
+    assert set(session.flights) == set(flying)
+    for step in (2, 3, 2):
+        assert run_to(session, ManualScheduler(), step, False, lambda _: None) == step
+        assert set(session.flights) == set(flying)
+    assert session.animated

@@ -5,7 +5,7 @@ All matrices are (4, 4), act on column vectors (z, y, x, 1) in mm, and compose r
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation, Slerp
 from napari_unpack.geometry.axes import Matrix, Vector, fixed, transform_points, unit
 from napari_unpack.geometry.view import Camera
 
-# By so much products of the rows of a rotation may miss those of unit vectors at right angles.
+# By so much products of the rows of a rotation may miss those of unit vectors at right angles, and
+# a pose another one: a camera that is read back from a matrix moves slots by rounding.
 ROUNDED = 1e-6
 
 
@@ -87,6 +88,11 @@ class Pose:
         """Return it with arrays that nobody can write to and a plain scale."""
         turn, stretch = fixed(self.rotation), fixed(self.stretch)
         return Pose(fixed(self.center), turn, float(self.scale), stretch)
+
+    def is_at(self, other: Pose) -> bool:
+        """Tell whether it differs from another pose by rounding at most."""
+        pairs = ((getattr(self, f.name), getattr(other, f.name)) for f in fields(Pose))
+        return all(bool((np.abs(a - b) <= ROUNDED).all()) for a, b in pairs)
 
     def pivot_from_world(self, box_center: ArrayLike) -> Matrix:
         """Return the (4, 4) map from the packed bag's world mm to pivot space."""

@@ -283,24 +283,26 @@ def move(state: SessionState, object_id: int, placement: Placement) -> SessionSt
     object_id : int
     placement : Placement
     """
+    if placement is state.placements[object_id]:
+        return state
     return replace(state, placements={**state.placements, object_id: placement})
 
 
 def place(
     placement: Placement,
     pose: Pose,
-    window_mm: tuple[float, float],
+    slots: Slots,
     picture: Callable[[Matrix], tuple[float, float]],
 ) -> Placement:
-    """Return a placement put somewhere else by hand.
+    """Return a placement put somewhere else by hand; itself where it is there.
 
     Parameters
     ----------
     placement : Placement
     pose : Pose
         In pivot space.
-    window_mm : (float, float)
-        Height and width of the window, mm.
+    slots : Slots
+        Of the window as it is now.
     picture : callable
         Given how the object is held, returns width and height of its picture, mm.
 
@@ -309,7 +311,10 @@ def place(
     TypeError, ValueError
         As `checked_pose`.
     """
-    placed = replace(placement, placed=checked_pose(pose), within=window_mm)
+    wanted = checked_pose(pose)
+    if wanted.is_at(placement.pose(slots, wanted.stretch)):
+        return placement
+    placed = replace(placement, placed=wanted, within=slots.window_mm)
     # Moved and not turned, its picture is as large as it was: no hull is needed.
     if np.array_equal(placed.rotation, pose.rotation):
         return placed
@@ -319,7 +324,7 @@ def place(
 def turn(
     placement: Placement, rotation: Matrix, picture: Callable[[Matrix], tuple[float, float]]
 ) -> Placement:
-    """Return a placement held another way by hand.
+    """Return a placement held another way by hand; itself where it is held so.
 
     Parameters
     ----------
@@ -335,6 +340,8 @@ def turn(
         If it is no rotation.
     """
     held = checked_rotation(rotation)
+    if np.array_equal(held, placement.rotation):
+        return placement
     return placement.turned(held, picture(held))
 
 
@@ -410,6 +417,7 @@ def edit_labels(
     edit: Edit,
     known: frozenset[int],
     new_hues: Mapping[int, float],
+    taken_whole: frozenset[int],
     owner: Callable[[SurfacePoint], int],
 ) -> SessionState:
     """Follow an edit of the labels.
@@ -423,15 +431,17 @@ def edit_labels(
         The objects there are then.
     new_hues : mapping of int to float
         Of those that were not there before.
+    taken_whole : frozenset of int
+        Objects that are gone at once: what was said of each goes to the one that took most of it.
+        Not those that a brush covered, of which little may have been left.
     owner : callable
         Given a point, tells which object has the voxel that it is on now.
     """
     origins = {i: origin_of(edit.change, i) for i in new_hues}
     parts = {i: f"{state.names[o]}, part" for i, o in origins.items() if o in state.names}
-    # What is said of objects that are gone goes to those that took most of their voxels.
     back = edit.change.reverse()
     said = state.names.keys() | state.colors.keys() | state.notes.keys() | state.flags.keys()
-    heirs = {i: heir for i in sorted(said - known) if (heir := origin_of(back, i))}
+    heirs = {i: heir for i in sorted(said & taken_whole) if (heir := origin_of(back, i))}
     # What is cleared goes to nobody: that was said of one object, and not of all it became part of.
     sources = (*origins.items(), *((heir, gone) for gone, heir in heirs.items()))
     suspected = {i: state.flags[o] for i, o in sources if state.flags.get(o) == "suspicious"}

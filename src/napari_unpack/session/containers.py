@@ -17,6 +17,7 @@ from napari_unpack.geometry.axes import Matrix
 from napari_unpack.session.validation import checked_id
 
 if TYPE_CHECKING:
+    from napari_unpack.session.labels import LabelData
     from napari_unpack.session.session import Session
 
 LEAST_SHARE = 0.004
@@ -340,14 +341,29 @@ def _family(session: Session, object_id: int) -> set[int]:
     return family
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Opened:
     bag: Session
     # Where in the labels, and what was there.
     window: tuple[slice, slice, slice]
     made_of: NDArray[np.uint16]
+    # At which revision of the labels they were compared last, and whether it was there.
+    found: tuple[int, bool]
     # By which the bag was scored when it was opened last.
     given: Callable[[Any], float] | None = None
+
+    def is_in(self, data: LabelData, object_id: int) -> bool:
+        """Tell whether what the bag was made of is there unchanged."""
+        revision, alike = self.found
+        # Whoever asks what is unsaved asks this, and a large object has millions of voxels.
+        if revision != data.revision:
+            alike = (
+                object_id in data.known
+                and self.window == data.boxes.slices(object_id, MARGIN)
+                and np.array_equal(self.made_of, data.labels[self.window])
+            )
+            self.found = data.revision, alike
+        return alike
 
 
 class OpenedBags:
@@ -438,20 +454,16 @@ class OpenedBags:
         }
 
     def _keep(self, session: Session, object_id: int, bag: Session) -> None:
-        window = session.boxes.slices(object_id, MARGIN)
+        data = session.label_data
+        window = data.boxes.slices(object_id, MARGIN)
         # A copy, which keeps no whole volume of labels alive.
-        made_of = np.array(session.labels[window])
-        self._bags[object_id] = _Opened(bag, window, made_of, bag.label_editor.oracle)
+        made_of, found = np.array(data.labels[window]), (data.revision, True)
+        self._bags[object_id] = _Opened(bag, window, made_of, found, bag.label_editor.oracle)
 
     def _known(self, session: Session) -> dict[int, Session]:
         # Of labels that were repaired there: what was inside may be so no more.
-        return {
-            i: one.bag
-            for i, one in self._bags.items()
-            if i in session.label_data.known
-            and one.window == session.boxes.slices(i, MARGIN)
-            and np.array_equal(one.made_of, session.labels[one.window])
-        }
+        data = session.label_data
+        return {i: one.bag for i, one in self._bags.items() if one.is_in(data, i)}
 
 
 def _rate_alike(session: Session, other: Session) -> None:

@@ -265,9 +265,9 @@ class Document:
             self.history.every(mirror)
         self.see(view=view, camera=camera)
         if self.flights:
-            # Perspective and stretch move the places beside the bag.
-            out, slots = self.state.placements, self.queries.slots()
-            self.flights.redirect(out, slots, camera.stretch, bends=True)
+            # Perspective and stretch move the places beside the bag. No bends: at every frame of a
+            # drag one would be added, and the bag itself changes at once too.
+            self.flights.redirect(self.state.placements, self.queries.slots(), camera.stretch)
         self.events.view.emit(camera)
 
     def resize(self, wanted: Sequence[int]) -> None:

@@ -82,6 +82,8 @@ class EditedLabels:
         Objects that were not there before.
     refused : LabelEdit, optional
         What a brush did to objects outside the bag; the result is without it.
+    painted : bool
+        Whether a brush chose voxels; else objects were chosen as wholes.
     """
 
     verb: str
@@ -89,6 +91,7 @@ class EditedLabels:
     data: LabelData
     new: tuple[int, ...]
     refused: LabelEdit | None = None
+    painted: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,7 +299,8 @@ class LabelEditor:
             own, given_ids = _own_ids(given, known)
             return difference(data.labels, own), given_ids
 
-        return self._task("paint", change, self._outside(self._session.label_data.known))
+        outside = self._outside(self._session.label_data.known)
+        return self._task("paint", change, outside, painted=True)
 
     def change_task(
         self, verb: str, ids: list[int], change: Callable[[LabelData, int], LabelEdit | None]
@@ -357,13 +361,14 @@ class LabelEditor:
         owner = partial(
             owner_after, before=now.labels, after=data.labels, spacing=self._session.spacing
         )
-        new = commands.edit_labels(state, edit, known, fresh, owner)
+        whole = frozenset() if edited.painted else now.known - known
+        new = commands.edit_labels(state, edit, known, fresh, whole, owner)
         new = new if answers is None else replace(new, answers=answers)
         self._session.commit(edited.verb, new, data=data)
         return True
 
     def _task(
-        self, verb: str, change: Change, outside: Sequence[int] = ()
+        self, verb: str, change: Change, outside: Sequence[int] = (), painted: bool = False
     ) -> Task[EditedLabels | None]:
         session, source = self._session, self._session.label_data
         # All it needs is read now: the session goes on while the task runs.
@@ -374,7 +379,7 @@ class LabelEditor:
             if made is None:
                 return None
             made, refused = _parted(made, outside)
-            edited = EditedLabels(verb, source.revision, source, (), refused)
+            edited = EditedLabels(verb, source.revision, source, (), refused, painted)
             # A step that changes nothing would be undone without effect.
             if not len(made.where):
                 return edited if len(refused.where) else None

@@ -602,7 +602,7 @@ class Session:
         """
         placement = self._doc.outside(object_id)
         picture = partial(self.bag.picture, object_id, stretch=self.camera.stretch)
-        placed = commands.place(placement, pose, self.slots.window_mm, picture)
+        placed = commands.place(placement, pose, self.slots, picture)
         new = commands.move(self.state, object_id, placed)
         self._doc.commit(f"move {object_id}", new, merge=True)
 

@@ -9,7 +9,7 @@ it is clear of a ball around the bag, and then around the ball.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -288,13 +288,14 @@ class Flight:
         target : Pose
             Where, in pivot space.
         time : float, optional
-            When it turns there, from where it is then; by default it always went there. A flight
-            that goes there already stays as it is.
+            When it turns there, from where it is then; by default it is on the way there at once,
+            and a turn that has begun goes on. A flight that goes there already stays as it is.
         """
-        pairs = ((getattr(self.target, f.name), getattr(target, f.name)) for f in fields(Pose))
-        if time is not None and all(np.array_equal(a, b) for a, b in pairs):
+        if self.target.is_at(target):
             return self
-        if time is None or not self.start < time < self.start + self.seconds:
+        if time is None:
+            return replace(self, target=target)
+        if not self.start < time < self.start + self.seconds:
             return replace(self, target=target, before=None)
         return replace(self, target=target, before=self, sent=time)
 

@@ -188,8 +188,9 @@ def run_to(
         if not measure_next(session, scheduler, step - session.step):
             return session.step
     animated = session.animated
-    session.animated = animated and flying
+    # Not `Session.animated`, which lands what is in the air already.
+    session.flights.set_pace(animated=animated and flying)
     try:
         return session.go_to(step)
     finally:
-        session.animated = animated
+        session.flights.set_pace(animated=animated)
