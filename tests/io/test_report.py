@@ -242,7 +242,8 @@ def test_what_a_table_does_not_say_is_empty_on_both_pages(tmp_path: Path) -> Non
     for save in (save_objects_page, save_interactive_page):
         cells = Cells()
         cells.feed(save(session, tmp_path / "bag.html", backend="cpu").read_text("utf-8"))
-        assert [row[-2:] for row in cells.rows] == [["Flag", "Note"], ["", "hello"], ["odd", ""]]
+        at = slice(cells.rows[0].index("Flag"), cells.rows[0].index("Note") + 1)
+        assert [row[at] for row in cells.rows] == [["Flag", "Note"], ["", "hello"], ["odd", ""]]
 
 
 def test_a_persons_own_numbers_keep_their_digits(tmp_path: Path) -> None:
