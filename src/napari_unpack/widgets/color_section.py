@@ -160,6 +160,7 @@ class ColorSection(Section):
     def _reload(self) -> None:
         controller = self._workspace.controller
         self._domain, self._named = None, {}
+        self.ramp.note_another_bag()
         self.lock("Available after step 1." if controller is None else None)
         if controller is None:
             return
