@@ -74,8 +74,9 @@ class ColorRampEditor(QWidget):
         """The colours, (density, (r, g, b)) by ascending density; none for white."""
         return list(self._stops)
 
-    def note_another_bag(self) -> None:
-        """Give no colour that is being asked for to the bag that is shown from now on."""
+    def let_go(self) -> None:
+        """End a drag, and take no colour that is asked for: another bag is shown from now on."""
+        self._dragging = False
         self._bags += 1
 
     def show_colors(self, colors: Iterable[Stop] | None, domain: tuple[float, float]) -> None:
