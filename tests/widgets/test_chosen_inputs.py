@@ -1,5 +1,7 @@
 """What step 1 offers by itself, whichever was there first: layer or panel."""
 
+import gc
+import weakref
 from collections.abc import Callable
 from typing import Any
 
@@ -9,6 +11,7 @@ import pytest
 from pytestqt.qtbot import QtBot
 
 from napari_unpack.layers.placement import data_to_world
+from napari_unpack.widgets import layer_inputs, segment_section
 from napari_unpack.widgets.file_names import bag_name
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import add_bag, controller_with, open_panel, pile_of_balls
@@ -110,6 +113,24 @@ def test_a_time_point_of_a_lazy_series_is_unpacked_and_named(viewer: Any, qtbot:
         np.testing.assert_allclose(data_to_world(layer), data_to_world(image))
     assert bag_name(controller.sources) == "growth (time point 1)"
     panel.end()
+
+
+def test_the_panel_keeps_no_volume_of_a_session_that_has_ended(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken = []
+
+    def volume_of(*chosen: Any) -> layer_inputs.Volume:
+        made = layer_inputs.volume_of(*chosen)
+        taken.append(weakref.ref(made))
+        return made
+
+    monkeypatch.setattr(segment_section, "volume_of", volume_of)
+    controller_with(panel, qtbot, add_bag(viewer)[1])
+    panel.workspace.close()
+    gc.collect()
+    (left,) = taken
+    assert left() is None
 
 
 def test_a_colour_of_a_colour_volume_is_unpacked_with_labels_of_its_shape(

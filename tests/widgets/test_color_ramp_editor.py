@@ -6,11 +6,13 @@ import pytest
 from qtpy.QtCore import QPoint, Qt
 from qtpy.QtGui import QColor
 
+import napari_unpack as nu
 from napari_unpack.widgets import color_ramp_editor
 from napari_unpack.widgets.color_ramp_editor import ColorRampEditor
 from napari_unpack.widgets.color_section import ColorSection
 from napari_unpack.widgets.commands import Commands
 from napari_unpack.widgets.workspace import Workspace
+from opened_panel import pile_of_balls
 
 LEFT, RIGHT = Qt.MouseButton.LeftButton, Qt.MouseButton.RightButton
 STOPS = [(500.0, (1.0, 0.0, 0.0)), (1280.0, (0.0, 0.0, 1.0))]
@@ -102,6 +104,24 @@ def test_a_colour_chosen_for_the_bag_before_is_none_of_the_bag_that_came_meanwhi
     with qtbot.assertNotEmitted(strip.edited):
         qtbot.mouseDClick(strip, LEFT, pos=strip.position(density).toPoint())
     assert strip.stops == STOPS[1:]
+
+
+def test_a_colour_is_none_of_another_bag_with_the_same_colours(
+    piled, panel, qtbot, monkeypatch
+) -> None:
+    other, ramp = nu.Session(*pile_of_balls()), panel.color.ramp
+    panel.color.curve.toggle.setChecked(True)
+    colors = piled.transfer_function.colors
+    assert other.transfer_function.colors == colors
+
+    def ask(*_: object) -> QColor:
+        panel.workspace.open(other)
+        return QColor("#33cc66")
+
+    monkeypatch.setattr(color_ramp_editor.QColorDialog, "getColor", ask)
+    with qtbot.assertNotEmitted(ramp.edited):
+        qtbot.mouseDClick(ramp, LEFT, pos=at(60))
+    assert ramp.stops == list(colors)
 
 
 def test_keys_alone_add_choose_and_change_colours(qtbot, strip, dialog) -> None:

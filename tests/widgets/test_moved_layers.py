@@ -79,6 +79,7 @@ def test_another_voxel_size_is_that_of_the_time_point_that_is_shown(
     qtbot.waitUntil(lambda: panel.workspace.session not in (session, None), timeout=20000)
     np.testing.assert_allclose(panel.workspace.session.spacing, (3, 1, 1))
     np.testing.assert_array_equal(panel.workspace.session.volume, volume)
+    assert panel.segment.index.index == (1,)
 
 
 def test_a_voxel_size_that_is_set_back_is_offered_no_more(

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 from pytestqt.qtbot import QtBot
-from qtpy.QtCore import QPointF, Qt
+from qtpy.QtCore import QPoint, QPointF, Qt
 
+import napari_unpack as nu
 from napari_unpack.widgets.color_section import AUTOMATIC, CUSTOM, ct_offset, transfer_function
 from napari_unpack.widgets.opacity_editor import OpacityEditor, histogram, round_densities
 from napari_unpack.widgets.typed_points import TypedPoints, points_of
+from opened_panel import pile_of_balls, rest
 
 CURVE = [(0.0, 0.0), (500.0, 0.0), (1000.0, 0.125), (2000.0, 1.0)]
 
@@ -156,6 +158,22 @@ def test_a_curve_from_elsewhere_does_not_tear_the_point_from_the_hand(
     assert editor.position((2000.0, 0.0)).x() == pytest.approx(108)
 
 
+def test_a_curve_under_the_hand_is_none_of_another_bag(panel, piled, qtbot: QtBot) -> None:
+    panel.color.curve.toggle.setChecked(True)
+    editor, other = panel.color.editor, nu.Session(*pile_of_balls())
+    curve = other.transfer_function.points
+    qtbot.mousePress(editor, Qt.MouseButton.LeftButton, pos=editor.rect().center())
+    qtbot.mouseMove(editor, editor.rect().center() + QPoint(20, 0))
+    assert tuple(editor.points) != curve
+    panel.workspace.open(other)
+    assert tuple(editor.points) == curve
+    qtbot.mouseMove(editor, editor.rect().center())
+    qtbot.mouseRelease(editor, Qt.MouseButton.LeftButton)
+    assert tuple(editor.points) == curve
+    rest(panel, qtbot)
+    assert other.transfer_function.points == curve
+
+
 def test_a_point_that_was_dragged_out_with_the_curve_is_taken_hold_of_there(
     qtbot: QtBot, editor: OpacityEditor
 ) -> None:
@@ -238,6 +256,19 @@ def test_points_that_are_left_as_they_stood_are_not_rounded(qtbot: QtBot) -> Non
     qtbot.keyClicks(line, "6, 31000 1")
     qtbot.keyClick(line, Qt.Key.Key_Return)
     assert told == [[(0.0, 0.0), (1234.567, 0.0012345), (30000.0, 0.6), (31000.0, 1.0)]]
+
+
+def test_points_that_lie_close_together_are_told_apart(qtbot: QtBot) -> None:
+    line, told = TypedPoints(), []
+    qtbot.addWidget(line)
+    line.edited.connect(told.append)
+    line.show_points([(0.0, 0.0), (1234.56, 0.2), (1234.58, 0.2), (3000.0, 0.5)])
+    assert line.text() == "0 0, 1234.56 0.2, 1234.58 0.2, 3000 0.5"
+    line.end(False)
+    qtbot.keyClick(line, Qt.Key.Key_Backspace)
+    qtbot.keyClicks(line, "6")
+    qtbot.keyClick(line, Qt.Key.Key_Return)
+    assert told == [[(0.0, 0.0), (1234.56, 0.2), (1234.58, 0.2), (3000.0, 0.6)]]
 
 
 def test_presets_are_of_ct_and_follow_its_values() -> None:

@@ -138,6 +138,27 @@ def test_a_cancelled_choice_changes_nothing(
     assert len(session.history.done) == steps
 
 
+@pytest.mark.parametrize("renamed", [False, True])
+def test_cancel_after_there_and_back_leaves_what_was_done_before(
+    panel: UnpackingWidget, shown: Any, qtbot: QtBot, renamed: bool
+) -> None:
+    chooser, session = panel.objects.chooser, shown
+    session.annotations.set_color([2], QColor("blue").getRgbF())
+    session.history.clear()
+    if renamed:
+        session.rename(3, "a knife")
+    before = session.history.done
+    chooser.choose([2])
+    for name in ("red", "blue"):
+        chooser.dialog.setCurrentColor(QColor(name))
+        wanted = QColor(name).getRgbF()
+        qtbot.waitUntil(lambda rgba=wanted: session.annotations.colors[2] == rgba, timeout=5000)
+    QTest.keyClick(chooser.dialog, Qt.Key.Key_Escape)
+    assert session.history.done == before
+    assert session.annotations.colors[2] == QColor("blue").getRgbF()
+    assert (session.objects["name"][3] == "a knife") == renamed
+
+
 def test_what_is_undone_beside_an_open_chooser_is_no_other_choice(
     panel: UnpackingWidget, shown: Any, qtbot: QtBot
 ) -> None:

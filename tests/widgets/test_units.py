@@ -274,6 +274,16 @@ def test_the_smallest_object_stays_as_large_as_it_was_whatever_unit_is_shown_mea
     assert options.settings()["smallest"] == pytest.approx(1e-7)
 
 
+def test_the_largest_smallest_object_is_what_the_box_shows_in_every_unit(qtbot: QtBot) -> None:
+    options = SegmentOptions()
+    qtbot.addWidget(options)
+    # A litre is 2,915,451.9 voxels of 0.7 mm.
+    options.show_unit(LengthUnit("voxels", 1 / 0.7))
+    options.smallest.setValue(1e9)
+    options.show_unit(MM)
+    assert options.smallest.value() == options.settings()["smallest"] == 1e6
+
+
 @pytest.fixture(params=["de_DE", "ar_EG"])
 def country(request: pytest.FixtureRequest) -> Iterator[None]:
     """Have the system's numbers be those of a country, until all that counts is made."""

@@ -410,3 +410,7 @@ def test_what_was_asked_of_one_bag_is_not_done_to_the_bag_that_came_meanwhile(
     assert "another bag is shown now" in warned[0] == warned[1]
     for session in (before, after):
         assert "Left shoe" not in set(session.objects["name"])
+    panel.files.name_from(names)
+    panel.workspace.close()
+    qtbot.waitUntil(lambda: not panel.files.progress.running, timeout=20000)
+    assert warned[2:] == ["Nothing was done: the bag that it was asked for is closed."]

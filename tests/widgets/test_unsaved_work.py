@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
+from threading import Event
 from types import SimpleNamespace
 from typing import Any
 
@@ -233,6 +234,80 @@ def test_what_is_done_during_a_segmentation_is_asked_for_and_its_labels_are_kept
     assert panel.workspace.session is session
     assert panel.unsaved.changed
     assert "bag objects" in [layer.name for layer in viewer.layers]
+
+
+def test_what_waits_while_the_window_is_closed_is_not_shown_in_it(
+    viewer: Any, worked: UnpackingWidget, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    panel, session, go_on = worked, worked.workspace.session, Event()
+    found = SimpleNamespace(labels=session.labels.astype(np.int32), objects=None, evidence=None)
+
+    def segment(*_: Any, **__: Any) -> Any:
+        go_on.wait(60)
+        return found
+
+    monkeypatch.setattr("napari_unpack.segmentation.segment", segment)
+    panel.segment.labels_input.choose(None)
+    panel.segment.start.click()
+    answer(panel, qtbot, Button.Discard)
+    session.rename(1, "a knife")
+    window, closed = compat.native_window(viewer), Closed()
+    for filtering in (closed, panel):
+        window.installEventFilter(filtering)
+    window.close()
+    go_on.set()
+    qtbot.waitUntil(lambda: not panel.segment.progress.running, timeout=90000)
+    assert "Closing the window ends it." in answer(panel, qtbot, Button.Discard)
+    assert closed.count == 1
+    assert panel.workspace.session is session
+    # As after a Cancel, for whoever has the window stay.
+    assert "bag objects" in [layer.name for layer in viewer.layers]
+    window.removeEventFilter(closed)
+
+
+def test_exit_during_another_question_is_called_off(
+    viewer: Any, worked: UnpackingWidget, qtbot: QtBot, tmp_path: Path
+) -> None:
+    panel, window, closed = worked, compat.native_window(viewer), Closed()
+    for filtering in (closed, panel):
+        window.installEventFilter(filtering)
+    panel.files.open_from(tmp_path / "other.unpack")
+    window.close(quit_app=True)
+    assert closed.count == 0
+    # Else closing this window later would end the application.
+    assert not compat.quits_with(window)
+    assert "Opening other.unpack ends it." in answer(panel, qtbot, Button.Cancel)
+    # Once more during its own question it is wanted still.
+    for _ in range(2):
+        window.close(quit_app=True)
+    assert "Quitting napari ends it." in answer(panel, qtbot, Button.Discard)
+    assert closed.count == 1
+    assert compat.quits_with(window)
+    window.removeEventFilter(closed)
+    compat.call_off_exit(window)
+
+
+def test_a_second_file_that_is_refused_leaves_what_was_discarded_for_the_first(
+    viewer: Any, worked: UnpackingWidget, qtbot: QtBot, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    panel, first, go_on = worked, worked.workspace.session, Event()
+    read = nu.open_session
+
+    def slowly(*args: Any, **options: Any) -> Any:
+        go_on.wait(60)
+        return read(*args, **options)
+
+    monkeypatch.setattr("napari_unpack.io.open_session", slowly)
+    panel.files.open_from(nu.save_session(first, tmp_path / "other.unpack"))
+    answer(panel, qtbot, Button.Discard)
+    assert panel.files.progress.running
+    panel.files.name_from(tmp_path / "names.ctbl")
+    assert not panel.unsaved.changed
+    go_on.set()
+    done(panel, qtbot)
+    assert panel.unsaved.question is None
+    assert panel.workspace.session is not first
 
 
 def test_what_was_discarded_for_something_that_is_refused_is_work_still(

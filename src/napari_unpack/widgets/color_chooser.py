@@ -67,10 +67,10 @@ class ColorChooser(QObject):
     def _apply(self) -> None:
         session = self._workspace.session
         if self.dialog is not None and session is not None:
-            color, before = self.dialog.currentColor().getRgbF(), session.history.done[-1:]
+            color, before = self.dialog.currentColor().getRgbF(), session.history.done
             self._commands.annotate.color(self._ids, color, merge=self._is_last)
-            # The colour that there is already makes no step.
-            if (last := session.history.done[-1:]) != before:
+            # The colour that there is already makes no step, and there and back again takes one.
+            if (last := session.history.done[-1:]) and last[0] not in before:
                 (self._made,) = last
 
     @property

@@ -54,6 +54,7 @@ class ColorRampEditor(QWidget):
         self._domain = (0.0, 1.0)
         self._chosen = -1
         self._dragging = False
+        self._bags = 0
         self.setFixedHeight(22)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setAccessibleName("Colours along the density axis")
@@ -72,6 +73,11 @@ class ColorRampEditor(QWidget):
     def stops(self) -> list[Stop]:
         """The colours, (density, (r, g, b)) by ascending density; none for white."""
         return list(self._stops)
+
+    def let_go(self) -> None:
+        """End a drag, and take no colour that is asked for: another bag is shown from now on."""
+        self._dragging = False
+        self._bags += 1
 
     def show_colors(self, colors: Iterable[Stop] | None, domain: tuple[float, float]) -> None:
         """Show the colours of a transfer function.
@@ -228,10 +234,10 @@ class ColorRampEditor(QWidget):
             self._emit()
 
     def _ask_color(self, now: RGB) -> RGB | None:
-        before = self.stops
+        before = self._bags, self.stops
         color = QColorDialog.getColor(QColor.fromRgbF(*now), self, "Colour of this density")
-        # Meanwhile another bag may be shown, with colours of its own.
-        taken = color.isValid() and self._stops == before
+        # Meanwhile another bag may be shown, or other colours of this one.
+        taken = color.isValid() and (self._bags, self._stops) == before
         return (color.redF(), color.greenF(), color.blueF()) if taken else None
 
     def _emit(self) -> None:

@@ -160,6 +160,11 @@ class ColorSection(Section):
     def _reload(self) -> None:
         controller = self._workspace.controller
         self._domain, self._named = None, {}
+        self.editor.let_go()
+        self.ramp.let_go()
+        # What is under the hand is of the bag before.
+        self._workspace.scheduler.forget(self._apply_curve)
+        self._points = self._stops = None
         self.lock("Available after step 1." if controller is None else None)
         if controller is None:
             return

@@ -399,7 +399,7 @@ class FilesSection(Section):
 
     def _read(self, path: Path, name: str, then: Callable[[_Opened], None]) -> None:
         def begin(large: bool) -> None:
-            self._begin(partial(_opened, path, large), then)
+            self._begin(partial(_opened, path, large), then, self._unsaved.take_back)
             self._again = partial(begin, True)
 
         # Before it is read, so that nobody waits to be asked; and after, for changes meanwhile.
@@ -472,7 +472,6 @@ class FilesSection(Section):
         # A second file would hide the progress of the first.
         if self.progress.running:
             notifications.inform("Wait for the file that is being written, or cancel it.")
-            self._unsaved.take_back()
             failed()
             return
         self._then, self._failed = then, failed
@@ -484,7 +483,6 @@ class FilesSection(Section):
     def _finish(self, outcome: TaskResult[Any]) -> None:
         self._refresh()
         if outcome.error is not None:
-            self._unsaved.take_back()
             self._failed()
         if isinstance(outcome.error, TooLargeError):
             ask_about_size(self.window(), outcome.error, self._again)
@@ -577,12 +575,14 @@ class FilesSection(Section):
 
     def _shows_still(self, session: Session) -> bool:
         """Return whether a session is shown still, and say so where it is not."""
-        same = session is self._workspace.session
-        if not same:
+        shown = self._workspace.session
+        if shown is None:
+            notifications.warn("Nothing was done: the bag that it was asked for is closed.")
+        elif shown is not session:
             notifications.warn(
                 "Nothing was done: another bag is shown now than when it was asked for."
             )
-        return same
+        return shown is session
 
 
 def _files_of(controller: SessionController) -> dict[str, Any]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from functools import partial
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -150,7 +149,8 @@ class OpacityEditor(QWidget):
         self._chosen = -1
         self._dragged: float | None = None
         # What is to be shown once the mouse lets go.
-        self._late: list[Callable[[], None]] = []
+        self._late_domain: tuple[float, float] | None = None
+        self._late_heights: NDArray[np.float64] | None = None
         self._widening = False
         self._accent = QColor("#5b7cf0")
         self.setMinimumHeight(110)
@@ -173,6 +173,10 @@ class OpacityEditor(QWidget):
         """The curve, (density, opacity) by ascending density."""
         return list(self._points)
 
+    def let_go(self) -> None:
+        """End a drag: the curve of another bag is shown from now on."""
+        self._dragged = self._late_domain = self._late_heights = None
+
     def show_curve(self, points: Iterable[Point], domain: tuple[float, float]) -> None:
         """Show a curve; of one that comes while another is dragged, the domain after that.
 
@@ -184,7 +188,7 @@ class OpacityEditor(QWidget):
             Lowest and highest density shown.
         """
         if self._dragged is not None:
-            self._late.append(lambda: self.show_curve(self._points, domain))
+            self._late_domain = domain
             return
         shown = [(float(d), float(a)) for d, a in points]
         # The session sends an edited curve back late, and the chosen point must stay chosen; in a
@@ -201,7 +205,7 @@ class OpacityEditor(QWidget):
     def show_histogram(self, heights: NDArray[np.float64]) -> None:
         """Show a histogram of the domain, heights in [0, 1]; after a drag where there is one."""
         if self._dragged is not None:
-            self._late.append(partial(self.show_histogram, heights))
+            self._late_heights = heights
             return
         self._heights = heights
         self.update()
@@ -293,10 +297,12 @@ class OpacityEditor(QWidget):
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         """End the drag."""
-        self._dragged = None
-        late, self._late = self._late, []
-        for show in late:
-            show()
+        domain, heights = self._late_domain, self._late_heights
+        self.let_go()
+        if domain is not None:
+            self.show_curve(self._points, domain)
+        if heights is not None:
+            self.show_histogram(heights)
 
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
         """Add a point."""

@@ -107,7 +107,8 @@ class SegmentOptions(Collapsible):
         )
 
     def _keep_smallest(self, shown: float) -> None:
-        self._smallest_mm3 = shown / self._volumes.per_mm3
+        # The largest in whole voxels may be rounded up.
+        self._smallest_mm3 = min(shown / self._volumes.per_mm3, LARGEST_MM3)
 
     def _explain(self, _text: str = "") -> None:
         method, help_text = FOREGROUND_METHODS[self.foreground.currentText()]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from time import monotonic
 from typing import TYPE_CHECKING, Any, TypeGuard
+from weakref import WeakKeyDictionary
 
 from napari.layers import Image, Labels, Layer
 
@@ -87,7 +88,8 @@ class SegmentSection(Section):
         self._workspace, self._unsaved = workspace, unsaved
         self._begun = 0.0
         self._order: _Order | None = None
-        self._shown: _Order | None = None
+        # Of each layer, the time point or channel that was unpacked last.
+        self._unpacked: WeakKeyDictionary[Layer, tuple[int, ...]] = WeakKeyDictionary()
         self._labels_alone = False
         self._then: Callable[[], None] | None = None
         viewer = workspace.viewer
@@ -238,9 +240,7 @@ class SegmentSection(Section):
         self.volume_input.choose(volume)
         self.labels_input.choose(labels[0] if labels else volume)
         # The field beside is that of the next segmentation.
-        if self._shown is not None and self._shown.image is volume:
-            self.index.choose(*self._shown.index)
-        self.run(names=names)
+        self.run(names=names, index=self._unpacked.get(volume))
 
     def _refresh(self) -> None:
         image, labels = self.volume_input.layer, self.labels_input.layer
@@ -281,7 +281,10 @@ class SegmentSection(Section):
         return not equal_spacing(spacing_of(source), controller.session.spacing)
 
     def run(
-        self, then: Callable[[], None] | None = None, names: Mapping[int, str] | None = None
+        self,
+        then: Callable[[], None] | None = None,
+        names: Mapping[int, str] | None = None,
+        index: tuple[int, ...] | None = None,
     ) -> None:
         """Segment the chosen volume, or take the chosen labels.
 
@@ -291,23 +294,31 @@ class SegmentSection(Section):
             Called with nothing once the session is shown.
         names : mapping of int to str, optional
             Of objects of the chosen labels, by ID; by default those of the layer.
+        index : tuple of int, optional
+            Of each axis beside z, y and x; by default the chosen one.
         """
         # Before the work, so that nobody waits to be asked.
-        self._unsaved.ask("Other objects will take its place.", partial(self._run, then, names))
+        work = partial(self._try, then, names, index)
+        self._unsaved.ask("Other objects will take its place.", partial(self._run, work))
 
-    def _run(self, then: Callable[[], None] | None, names: Mapping[int, str] | None) -> None:
+    def _run(self, work: Callable[[], None]) -> None:
         if not self.progress.running:
-            self._try(then, names)
+            work()
         if not self.progress.running:
             self._unsaved.take_back()
 
-    def _try(self, then: Callable[[], None] | None, names: Mapping[int, str] | None) -> None:
+    def _try(
+        self,
+        then: Callable[[], None] | None,
+        names: Mapping[int, str] | None,
+        index: tuple[int, ...] | None,
+    ) -> None:
         image, labels = self.volume_input.layer, self.labels_input.layer
         if image is None:
             notifications.inform("Open a 3D volume first, or press Try a simulated bag.")
             return
         with notifications.errors_shown():
-            index = self.index.index
+            index = self.index.index if index is None else index
             volume = volume_of(image, index)
             ids = whole = None
             if _is_labels(labels):
@@ -379,7 +390,7 @@ class SegmentSection(Section):
             backend=preferred.backend,
             recolor_at_rest=preferred.recolor_at_rest,
         )
-        self._shown = order
+        self._unpacked[order.image] = order.index
         if built.is_found:
             self._unsaved.found_in(seconds)
         if self._then is not None:

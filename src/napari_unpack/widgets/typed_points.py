@@ -58,7 +58,13 @@ class TypedPoints(QLineEdit):
 
 def points_text(points: Iterable[Point]) -> str:
     """Write points as a line of numbers."""
-    return ", ".join(f"{density:.5g} {opacity:.3g}" for density, opacity in points)
+    points = list(points)
+    # Two densities that look alike get more digits: they would ascend no longer.
+    rounded = ([f"{density:.{digits}g}" for density, _ in points] for digits in range(5, 18))
+    densities = next(texts for texts in rounded if len(set(texts)) == len(points))
+    return ", ".join(
+        f"{d} {opacity:.3g}" for d, (_, opacity) in zip(densities, points, strict=True)
+    )
 
 
 def points_of(text: str) -> list[Point]:

@@ -73,7 +73,9 @@ class UnsavedWork(QObject):
         self._workspace, self._panel = workspace, parent
         self._known: WeakKeyDictionary[Session, _Known] = WeakKeyDictionary()
         self._removed = RemovedLayers(workspace.viewer, workspace.scheduler)
-        self._waiting: list[Call] = []
+        # What asks once more, and what is done instead where that comes to nothing.
+        self._waiting: list[tuple[Call, Call]] = []
+        self._quitting = False
         self.save: Callable[[Call, Call], None] = lambda then, cancelled: None
         self.question: QMessageBox | None = None
 
@@ -143,14 +145,18 @@ class UnsavedWork(QObject):
             Whether the layers end too: then objects that took long to find are work as well.
             During another question nothing comes of it; one can quit again.
         cancelled : callable, optional
-            Called where the answer is Cancel, or Save and it is not saved.
+            Called where the answer is Cancel, or Save and it is not saved, or nothing comes of it.
         """
         if self.question is not None:
             self.question.raise_()
             if not quitting:
-                self._waiting.append(partial(self.ask, reason, then, cancelled=cancelled))
+                again = partial(self.ask, reason, then, cancelled=cancelled)
+                self._waiting.append((again, cancelled))
+            elif not self._quitting:
+                cancelled()
         elif self.worth_keeping if quitting else self.changed:
-            self._show(reason, then, cancelled)
+            self._quitting = quitting
+            self._show(reason, partial(self._quit, then) if quitting else then, cancelled)
         else:
             then()
 
@@ -235,8 +241,15 @@ class UnsavedWork(QObject):
         """Do what was answered, then ask what has waited for it."""
         answered()
         waiting, self._waiting = self._waiting, []
-        for ask in waiting:
+        for ask, _ in waiting:
             ask()
+
+    def _quit(self, then: Call) -> None:
+        # What waits would be done in a window that is gone.
+        waiting, self._waiting = self._waiting, []
+        for _, cancelled in waiting:
+            cancelled()
+        then()
 
     def _note_saved(self, known: _Known, work: object) -> None:
         known.saved, known.given_up, known.long_found = work, None, False

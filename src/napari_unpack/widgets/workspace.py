@@ -43,7 +43,7 @@ class Change(Flag):
 
 
 @dataclass(frozen=True)
-class _OuterBag:
+class OuterBag:
     """A bag one of whose objects is open: all that it takes to go back to it."""
 
     session: Session
@@ -87,7 +87,7 @@ class Workspace(QObject):
         self._heard.connect(self._gather)
         self._message.connect(notifications.inform)
         self._connections: list[tuple[SignalInstance, Callable[..., None]]] = []
-        self._outer: list[_OuterBag] = []
+        self._outer: list[OuterBag] = []
 
     @property
     def session(self) -> Session | None:
@@ -108,7 +108,7 @@ class Workspace(QObject):
         seconds: float | None = None,
         backend: str | None = None,
         recolor_at_rest: bool = True,
-        outer: Sequence[_OuterBag] = (),
+        outer: Sequence[OuterBag] = (),
     ) -> None:
         """Show a session in the 3D view, in place of the one shown before.
 
@@ -126,7 +126,7 @@ class Workspace(QObject):
             What draws; by default what the session says.
         recolor_at_rest : bool
             Recolour whenever the camera comes to rest.
-        outer : sequence
+        outer : sequence of OuterBag
             The bags that it is in, one within another, the outermost first.
 
         Raises
@@ -212,7 +212,7 @@ class Workspace(QObject):
         inner.tint_mode, inner.length_unit = session.tint_mode, session.length_unit
         inner.decorations = session.decorations
         self._switch_to(
-            inner, [*self._outer, _OuterBag(session, controller.sources, view, object_id)]
+            inner, [*self._outer, OuterBag(session, controller.sources, view, object_id)]
         )
 
     def leave_container(self) -> None:
@@ -224,7 +224,7 @@ class Workspace(QObject):
             outer.view.give_back(self.viewer.scene.camera)
 
     def _switch_to(
-        self, session: Session, outer: list[_OuterBag], sources: Sequence[Layer] | None = None
+        self, session: Session, outer: list[OuterBag], sources: Sequence[Layer] | None = None
     ) -> None:
         """Show another bag of the stack, drawn as the one shown now."""
         before = self.controller
