@@ -44,7 +44,17 @@ class Change(Flag):
 
 @dataclass(frozen=True)
 class OuterBag:
-    """A bag one of whose objects is open: all that it takes to go back to it."""
+    """A bag one of whose objects is open: all that it takes to go back to it.
+
+    Parameters
+    ----------
+    session : Session
+    sources : sequence of napari layers
+    view : SavedView
+        How the bag was looked at.
+    opened : int
+        The object.
+    """
 
     session: Session
     sources: Sequence[Layer]
