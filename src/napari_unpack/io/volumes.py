@@ -94,8 +94,9 @@ def load_labels(path: str | Path, large: bool = False) -> tuple[NDArray[Any], Sp
     Raises
     ------
     FileNotFoundError, ValueError, ImportError
-        As for `load_volume`, if it holds no whole numbers, and if it is an .npz or OME-Zarr of a
-        volume without labels of its shape.
+        As for `load_volume`, if it holds no whole numbers, if it is an .npz of a volume without
+        labels, and if its labels are of another shape than its volume. An OME-Zarr image without
+        labels is taken for labels: many programs write theirs without saying so.
     """
     found = read_file(path, large)
     if found.labels is None and found.is_density:
