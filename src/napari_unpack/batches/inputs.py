@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from napari_unpack.atomic import given_path
 from napari_unpack.batches.run_settings import OWN_FILES, SCANS, is_run
 from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import Spacing, checked_spacing
@@ -91,7 +92,7 @@ def find_inputs(asked: Iterable[str | Path]) -> list[ScanInput]:
 
 
 def _paths(asked: str) -> list[Path]:
-    path = Path(asked).expanduser()
+    path = given_path(asked)
     if path.exists():
         return [_plain(path)]
     # A shell leaves a pattern as it is where it is quoted, and Windows always does.
@@ -207,10 +208,10 @@ def _listed(table: Path) -> Iterator[ScanInput]:
         if volume is None:
             raise ValueError(f"{where} names no volume")
         labels, name = _entry(row, "labels"), _entry(row, "name")
-        path = table.parent / Path(volume).expanduser()
+        path = table.parent / given_path(volume)
         scan = replace(_scan(path), spacing=_spacing(row.get("spacing"), where))
         # What a table leaves out counts as left out: no labels are looked for beside the volume.
-        own = table.parent / Path(labels).expanduser() if labels else None
+        own = table.parent / given_path(labels) if labels else None
         scan = replace(scan, labels=own if "labels" in row else scan.labels)
         yield replace(scan, name=name or scan.name)
 

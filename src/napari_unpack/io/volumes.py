@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.atomic import check_space, check_writable, checked_target
+from napari_unpack.atomic import check_space, check_writable, checked_target, given_path
 from napari_unpack.file_sizes import check_plain_file
 from napari_unpack.io.arrays import read_names, read_npy, read_npz, write_npz
 from napari_unpack.io.file_data import FileData
@@ -68,7 +68,7 @@ def load_volume(path: str | Path, at: Mapping[str, int] | None = None, large: bo
     found = read_file(path, large).one_volume(at or {}, path)
     if found.volume is None:
         raise ValueError(f"{path} holds labels without a volume; open it with load_labels")
-    file = Path(path).expanduser()
+    file = given_path(path)
     names = read_names(file) if found.labels is not None and suffix_of(file) == ".npz" else None
     return Scan(
         found.volume,
@@ -207,7 +207,7 @@ def read_file(path: str | Path, large: bool = False) -> FileData:
     FileNotFoundError, ValueError, ImportError
         As for `load_volume`.
     """
-    file = Path(path).expanduser()
+    file = given_path(path)
     with read_errors_told(file, f"a readable {suffix_of(file) or 'DICOM'} file"):
         if not file.is_dir():
             check_plain_file(file)
