@@ -507,9 +507,9 @@ def test_labels_in_zarr_are_replaced_by_newer_ones(
     image, output = tmp_path / "image.zarr", tmp_path / "labels.zarr"
     image_zarr(image)
     group = zarr.open_group(output, mode="w", zarr_format=form)
-    about = {"version": "0.4"}
-    group.attrs.update({"image-label": about} if form == 2 else {"ome": {"image-label": about}})
-    group.create_array("7", data=np.ones((2, 2, 2), np.uint8))
+    about = {"image-label": {}, "multiscales": [{"datasets": [{"path": "s0"}]}]}
+    group.attrs.update(about if form == 2 else {"ome": about})
+    group.create_array("s0", data=np.ones((2, 2, 2), np.uint8))
 
     def segment(*_: object, out: Any, **settings: object) -> SimpleNamespace:
         out[8:30, 8:30, 8:30] = 7
@@ -521,7 +521,7 @@ def test_labels_in_zarr_are_replaced_by_newer_ones(
         result = run("segment", image, output)
         assert result.exit_code == 0, result.output
         assert load_labels(output)[0].max() == 7
-    assert not (output / "7").exists()
+    assert not (output / "s0").exists()
 
 
 @pytest.mark.parametrize(("output", "table"), [("a.npz", "a.npz"), ("a.mha", "a.labels.mha")])

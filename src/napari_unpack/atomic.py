@@ -34,6 +34,12 @@ _SHOWN = 60
 """Characters of a name in a message."""
 
 
+def given_path(path: str | Path) -> Path:
+    """Return the path that a person gave, ``~`` being their own folder."""
+    # Not Path's own, which takes no name that begins so and is nobody's folder.
+    return Path(os.path.expanduser(path))
+
+
 def checked_target(path: str | Path, *suffixes: str) -> Path:
     """Return where a file goes.
 
@@ -49,8 +55,7 @@ def checked_target(path: str | Path, *suffixes: str) -> Path:
     ValueError
         If its name ends in none of the suffixes, upper or lower case.
     """
-    # Not Path's own, which takes no name that begins so and is nobody's folder.
-    target = Path(os.path.expanduser(path))
+    target = given_path(path)
     if suffixes and target.suffix.lower() not in suffixes:
         raise ValueError(f"path must end in {' or '.join(suffixes)}, got {target.name!r}")
     return target

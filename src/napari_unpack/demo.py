@@ -307,11 +307,10 @@ def open_panel(viewer: napari.Viewer, scan: Scan, progress: Progress) -> Unpacki
     """
     from qtpy.QtWidgets import QApplication
 
-    from napari_unpack.io.napari_reader import label_features
+    from napari_unpack.io.napari_reader import label_features, layer_metadata
 
     viewer.window.resize(*WINDOW)
-    told = {"assumed": scan.assumed, "scanner_from_scan": scan.scanner_from_scan}
-    placed = {"scale": scan.spacing, "units": ("mm",) * 3, "metadata": told}
+    placed = {"scale": scan.spacing, "units": ("mm",) * 3, "metadata": layer_metadata(scan)}
     if scan.labels is not None:
         features, name = label_features(scan.names or {}), f"{scan.name} labels"
         viewer.add_labels(scan.labels, name=name, features=features, visible=False, **placed)

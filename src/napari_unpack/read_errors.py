@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -48,8 +49,8 @@ def read_errors_told(file: Path, wanted: str = "a file of this format") -> Itera
     except ValueError as error:
         # Some quote what they found, which may be pages of bytes.
         sentence = " ".join(str(error).split())[:_LONGEST]
-        # The whole path: the name alone may be a word of any sentence.
-        named = str(file) in str(error)
+        # The whole path: the name alone may be a word of any sentence, or a part of one.
+        named = re.search(rf"(?<!\w){re.escape(str(file))}(?!\w)", str(error))
         if named and sentence == str(error):
             raise
         # A library's own sentence may not say which file it was given, and go on for lines.

@@ -77,10 +77,11 @@ def test_any_error_of_a_reader_names_the_file(error: Exception) -> None:
         raise Cancelled
 
 
-def test_a_file_is_named_by_its_path_whatever_words_the_reason_has() -> None:
+@pytest.mark.parametrize("path", ["there/data", "b"])
+def test_a_file_is_named_by_its_path_whatever_words_the_reason_has(path: str) -> None:
     with (
-        pytest.raises(ValueError, match=r"^there/data: the number of data is odd$"),
-        read_errors_told(Path("there/data")),
+        pytest.raises(ValueError, match=rf"^{path}: the number of data is odd$"),
+        read_errors_told(Path(path)),
     ):
         raise ValueError("the number of data is odd")
 

@@ -75,6 +75,22 @@ def test_a_file_of_a_series_opens_its_series(tmp_path: Path) -> None:
     assert "2 series of [3, 2] images" in scan.assumed[0]
 
 
+def test_folders_below_are_read_where_a_folder_has_no_scan_itself(tmp_path: Path) -> None:
+    write_series(tmp_path / "p")
+    write_series(tmp_path / "p" / "more", NUMBERS + 5, SeriesInstanceUID="1.2.4")
+    screen = dataset(NUMBERS[0], PhotometricInterpretation="PALETTE COLOR")
+    screen.save_as(tmp_path / "p" / "0.dcm", enforce_file_format=True)
+    scan = load_volume(tmp_path / "p")
+    np.testing.assert_array_equal(scan.volume[1], 1000 + np.arange(20).reshape(4, 5))
+    assert scan.volume.shape == (3, 4, 5)
+    assert "folders in it were left out" in scan.assumed
+    # A screenshot and a scout are no scan.
+    for name in "ab":
+        (tmp_path / "p" / name).unlink()
+    scan = load_volume(tmp_path / "p" / "more")
+    np.testing.assert_array_equal(load_volume(tmp_path / "p").volume, scan.volume)
+
+
 AXIAL = [1, 0, 0, 0, 1, 0]
 
 
@@ -412,6 +428,26 @@ def test_a_named_file_without_a_preamble_opens_its_own_series(tmp_path: Path) ->
     (tmp_path / "a1.2.4.dcs").unlink()
     with pytest.raises(ValueError, match="single slice"):
         load_volume(tmp_path / "c1.2.4.dcs")
+
+
+def test_what_begins_unlike_dicom_is_not_taken_apart_beside_a_file_without_a_preamble(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_series(tmp_path)
+    for file in list(tmp_path.iterdir()):
+        (tmp_path / f"{file.name}.dcs").write_bytes(file.read_bytes()[132:])
+        file.unlink()
+    # Zeros are elements to a parser that is forced, a million of them in 8 MB.
+    (tmp_path / "zeros.raw").write_bytes(bytes(8000))
+    forced, read = [], pydicom.dcmread
+
+    def noting(path: Path, force: bool = False, **more: Any) -> Any:
+        forced.extend([path.name] * force)
+        return read(path, force=force, **more)
+
+    monkeypatch.setattr(pydicom, "dcmread", noting)
+    assert load_volume(tmp_path / "a.dcs").volume.shape == (3, 4, 5)
+    assert set(forced) == {"a.dcs", "b.dcs", "c.dcs"}
 
 
 @pytest.mark.parametrize("more", [{"NumberOfFrames": 10**8}, {"Rows": 60000, "Columns": 60000}])

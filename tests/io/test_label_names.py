@@ -80,6 +80,7 @@ def segmentation(path: Path) -> Path:
         ("snap.txt", SNAP),
         ("bag.csv", TABLE),
         ("excel.csv", TABLE.replace(",", ";")),
+        ("told.csv", "sep=;\r\n" + TABLE.replace(",", ";")),
         ("odd.csv", TABLE + "²,Two,1,2,3,255\n"),
     ],
 )

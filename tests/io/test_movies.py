@@ -379,11 +379,14 @@ def test_a_gif_keeps_colours_and_what_stands_still(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.parametrize(
+    ("said", "told"),
+    [("unmistakable " * 40, "…(unmistakable ){20,}in "), ("x" * 400, "…x{300} in ")],
+)
 def test_what_the_encoder_said_is_told_in_whole_words(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said: str, told: str
 ) -> None:
     encoder = tmp_path / "ffmpeg"
-    said = "unmistakable " * 40
     encoder.write_text(f"#!/bin/sh\ncat > /dev/null\necho {said} >&2\nexit 1\n")
     encoder.chmod(0o755)
     monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(encoder))
@@ -392,7 +395,7 @@ def test_what_the_encoder_said_is_told_in_whole_words(
         with movie_writer(tmp_path / "film.mp4", (16, 24), 10) as write:
             write(np.zeros((16, 24, 3), np.uint8))
 
-    with pytest.raises(OSError, match=r"could not be written: …(unmistakable ){20,}in "):
+    with pytest.raises(OSError, match=f"could not be written: {told}"):
         film()
 
 

@@ -1,5 +1,7 @@
 """What napari's File > Open gets."""
 
+import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +40,14 @@ def test_labels_alone_become_labels(tmp_path: Path) -> None:
     with pytest.warns(UserWarning, match=r"atlas.npz: it gives no voxel size: 1 mm was assumed"):
         ((data, about, kind),) = reader([str(path)])
     assert (data.shape, about["name"], kind) == ((3, 4, 5), "atlas", "labels")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems know no such names")
+def test_a_layer_of_a_file_whose_name_is_no_utf8_has_a_name_that_prints(tmp_path: Path) -> None:
+    path = tmp_path / os.fsdecode(b"Sch\xe4del.npz")
+    save_scan(Scan(VOLUME, (3.0, 2.0, 1.0)), path)
+    ((_, about, _),) = read_layers(str(path))
+    assert about["name"] == "Sch?del"
 
 
 def test_a_label_image_of_zarr_becomes_labels(tmp_path: Path) -> None:

@@ -182,7 +182,15 @@ def test_a_process_that_was_killed_leaves_its_copy_and_one_that_lives_keeps_it(
     assert only(tmp_path).name == "bag"
 
 
-def test_the_oldest_go_first_and_what_is_too_large_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize("numbered", [True, False])
+def test_the_oldest_go_first_and_what_is_too_large_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, numbered: bool
+) -> None:
+    if not numbered:
+        # As of a file system that tells no file from another by a number.
+        monkeypatch.setattr(
+            Path, "lstat", lambda file: SimpleNamespace(st_ino=0, st_size=file.stat().st_size)
+        )
     session = bag()
     size = session.volume.nbytes + session.labels.nbytes
     for k in range(3):
@@ -227,6 +235,27 @@ def test_another_state_of_the_labels_needs_room_for_them_alone(
     assert only(tmp_path).name == "bag"
     copy.close()
     assert [one.name for one in leftovers(tmp_path)] == ["new", "bag"]
+
+
+def test_without_hard_links_another_state_needs_room_for_the_volume_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_links(*_: object) -> None:
+        raise OSError
+
+    session = noisy_bag()
+    copy = UnsavedCopy(tmp_path, 100 * session.volume.nbytes)
+    copy.keep(session, "new", None, quiet)
+    monkeypatch.setattr(recovery.os, "link", no_links)
+    volume = next(tmp_path.rglob("volume.npz")).stat().st_size
+    session.merge([1, 2])
+    room = {"free": recovery.SPARE_BYTES + volume}
+    monkeypatch.setattr(recovery.shutil, "disk_usage", lambda _: SimpleNamespace(**room))
+    with pytest.raises(OSError, match="nearly full"):
+        copy.keep(session, "new", None, quiet)
+    room["free"] += session.labels.nbytes
+    copy.keep(session, "new", None, quiet)
+    copy.close()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows removes no file that is open")

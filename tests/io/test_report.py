@@ -248,9 +248,15 @@ def test_what_a_table_does_not_say_is_empty_on_both_pages(tmp_path: Path) -> Non
 
 def test_a_persons_own_numbers_keep_their_digits(tmp_path: Path) -> None:
     own = {"case": [20240117.0, np.nan], "dose": [0.123456789, 1.0]}
+    own["half"] = np.array([np.nan, 0.1], np.float32)
+    own["third"] = [1 / 3, 0.1]
     told = pd.DataFrame({**own, "volume_mm3": [1 / 3, 2e7 / 3]}, index=[1, 2])
     text = save_objects_csv(told, tmp_path / "objects.csv").read_text("utf-8")
-    assert text == ("id,case,dose,volume_mm3\n1,20240117,0.123456789,0.333333\n2,,1,6666670\n")
+    assert text.splitlines() == [
+        "id,case,dose,half,third,volume_mm3",
+        "1,20240117,0.123456789,,0.3333333333333333,0.333333",
+        "2,,1,0.1,0.1,6666670",
+    ]
 
 
 def test_long_ids_are_sorted_by_all_their_digits() -> None:

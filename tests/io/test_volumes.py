@@ -530,7 +530,7 @@ def test_labels_alone(tmp_path: Path) -> None:
         load_volume(tmp_path / "l.npz")
 
 
-def test_densities_are_never_taken_for_labels(tmp_path: Path) -> None:
+def test_densities_that_a_file_calls_so_are_not_taken_for_labels(tmp_path: Path) -> None:
     save_scan(scan(None), tmp_path / "v.npz")
     save_zarr(tmp_path / "bag.zarr", VOLUME, "zyx")
     save_zarr(tmp_path / "bag.zarr" / "labels" / "cells", LABELS[::2, ::2, ::2], "zyx")
@@ -542,9 +542,11 @@ def test_densities_are_never_taken_for_labels(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found.volume, VOLUME)
     said = "its labels have another shape than its volume: they were left out"
     assert (found.labels, found.assumed) == (None, (said,))
-    # A bare array may be either.
+    # A bare array may be either, and many programs write labels as an image without a mark.
     np.save(tmp_path / "l.npy", LABELS)
-    np.testing.assert_array_equal(load_labels(tmp_path / "l.npy")[0], LABELS)
+    save_zarr(tmp_path / "l.zarr", LABELS, "zyx")
+    for name in ("l.npy", "l.zarr"):
+        np.testing.assert_array_equal(load_labels(tmp_path / name)[0], LABELS)
 
 
 def test_labels_must_be_whole_numbers_and_fit(tmp_path: Path) -> None:

@@ -9,8 +9,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from napari_unpack import Session
 from napari_unpack.atomic import written_atomically
-from napari_unpack.io import Scan, save_objects_csv, save_png, save_scan
+from napari_unpack.io import (
+    Scan,
+    load_volume,
+    open_session,
+    save_objects_csv,
+    save_png,
+    save_scan,
+    save_session,
+)
 from napari_unpack.io.movies import checked_movie_path
 from napari_unpack.io.surfaces import checked_surfaces_path
 from napari_unpack.segmentation.confidence.oracle import Oracle, default_oracle
@@ -52,6 +61,12 @@ def test_the_folder_of_a_person_may_be_called_by_its_sign(
     # Of nobody's folder: a name as any other.
     monkeypatch.chdir(tmp_path)
     assert save_objects_csv(objects, "~draft.csv").exists()
+    save_scan(scan, "~draft.npz")
+    assert load_volume("~draft.npz").volume.shape == (2, 3, 4)
+    volume = np.arange(24, dtype=np.uint16).reshape(2, 3, 4)
+    session = Session(volume, np.ones((2, 3, 4), np.uint8), (1.0, 1.0, 1.0))
+    save_session(session, "~draft.unpack")
+    assert open_session("~draft.unpack").ids == (1,)
 
 
 def test_a_png_holds_straight_colours(tmp_path: Path) -> None:

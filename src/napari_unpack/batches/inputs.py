@@ -10,14 +10,22 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
+from napari_unpack.atomic import given_path
 from napari_unpack.batches.run_settings import OWN_FILES, SCANS, is_run
 from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import Spacing, checked_spacing
-from napari_unpack.io.volumes import DICOM_SUFFIXES, READABLE, printable, stem_of, suffix_of
+from napari_unpack.io.volumes import (
+    DICOM_SUFFIXES,
+    READABLE,
+    has_dicom_preamble,
+    is_zarr,
+    printable,
+    stem_of,
+    suffix_of,
+)
 
 TABLES = (".csv", ".parquet")
 
@@ -26,8 +34,6 @@ LABELS = ".labels"
 
 _WHOLE = frozenset(READABLE) - set(DICOM_SUFFIXES)
 """Suffixes of files that hold a volume each."""
-
-_ZARR_MARKS = ("zarr.json", ".zgroup", ".zarray")
 
 
 @dataclass(frozen=True)
@@ -86,7 +92,7 @@ def find_inputs(asked: Iterable[str | Path]) -> list[ScanInput]:
 
 
 def _paths(asked: str) -> list[Path]:
-    path = Path(asked).expanduser()
+    path = given_path(asked)
     if path.exists():
         return [_plain(path)]
     # A shell leaves a pattern as it is where it is quoted, and Windows always does.
@@ -125,7 +131,7 @@ def _place(path: Path) -> tuple[str, str]:
 def _scans(path: Path) -> Iterator[ScanInput]:
     if suffix_of(path) in TABLES and path.is_file():
         yield from _listed(path)
-    elif path.is_dir() and not _is_zarr(path):
+    elif path.is_dir() and not is_zarr(path):
         yield from map(_scan, _inside(path, frozenset()))
     else:
         yield _scan(path)
@@ -146,35 +152,25 @@ def _inside(folder: Path, above: frozenset[Path]) -> Iterator[Path]:
     entries = sorted(folder.iterdir())
     files = [e for e in entries if e.is_file()]
     yield from _without_labels([f for f in files if suffix_of(f) in _WHOLE])
-    below: list[Path] = []
+    if _holds_slices(files):
+        yield folder
     for entry in entries:
         # What starts with a point is hidden, or half written; results are no inputs.
         mine = is_run(entry) or (entry.name == SCANS and is_run(folder))
         if entry.is_dir() and not entry.name.startswith(".") and not mine:
-            below += [entry] if _is_zarr(entry) else _inside(entry, above | {real})
-    slice_file = _a_slice(files)
-    if slice_file is not None:
-        # Of a folder the slices below it are read too, which are scans of their own here.
-        yield slice_file if any(suffix_of(p) not in _WHOLE for p in below) else folder
-    yield from below
+            yield from [entry] if is_zarr(entry) else _inside(entry, above | {real})
 
 
-def _is_zarr(folder: Path) -> bool:
-    return suffix_of(folder) == ".zarr" or any((folder / mark).exists() for mark in _ZARR_MARKS)
-
-
-def _a_slice(files: list[Path]) -> Path | None:
-    """Return a slice of a DICOM series among the files of a folder."""
-    named = (file for file in files if suffix_of(file) in DICOM_SUFFIXES)
+def _holds_slices(files: list[Path]) -> bool:
+    """Tell whether slices of a DICOM series are among the files of a folder."""
     # The first few tell: a series has its slices together.
     unnamed = [f for f in files if suffix_of(f) not in READABLE and f.name != "DICOMDIR"][:20]
-    return next(chain(named, filter(_is_dicom, unnamed)), None)
+    return any(suffix_of(f) in DICOM_SUFFIXES for f in files) or any(map(_is_dicom, unnamed))
 
 
 def _is_dicom(file: Path) -> bool:
     try:
-        with file.open("rb") as stream:
-            return stream.read(132)[128:] == b"DICM"
+        return has_dicom_preamble(file)
     except OSError:
         return False
 
@@ -212,10 +208,10 @@ def _listed(table: Path) -> Iterator[ScanInput]:
         if volume is None:
             raise ValueError(f"{where} names no volume")
         labels, name = _entry(row, "labels"), _entry(row, "name")
-        path = table.parent / Path(volume).expanduser()
+        path = table.parent / given_path(volume)
         scan = replace(_scan(path), spacing=_spacing(row.get("spacing"), where))
         # What a table leaves out counts as left out: no labels are looked for beside the volume.
-        own = table.parent / Path(labels).expanduser() if labels else None
+        own = table.parent / given_path(labels) if labels else None
         scan = replace(scan, labels=own if "labels" in row else scan.labels)
         yield replace(scan, name=name or scan.name)
 

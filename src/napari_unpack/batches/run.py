@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from napari_unpack.atomic import check_space, written_atomically
+from napari_unpack.atomic import check_space, given_path, written_atomically
 from napari_unpack.batches.cluster import (
     check_workers,
     cluster_client,
@@ -140,7 +140,7 @@ def batch(
         raise TypeError(f"give settings or {', '.join(options)}, not both")
     given = [inputs] if isinstance(inputs, str | Path) else inputs
     scans, settings = find_inputs(given), settings or Settings(**options)
-    folder = Path(output).expanduser().absolute()
+    folder = given_path(output).absolute()
     if not force:
         check_folder(folder, settings)
     found, speak = list(results_in(folder)), say or (lambda _: None)

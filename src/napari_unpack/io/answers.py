@@ -11,7 +11,7 @@ from zlib import error as ZlibError
 
 import numpy as np
 
-from napari_unpack.atomic import written_atomically
+from napari_unpack.atomic import given_path, written_atomically
 from napari_unpack.io.json_fields import Fields
 from napari_unpack.segmentation.review.doubts import SAID, Answer, Kind
 from napari_unpack.segmentation.review.evidence import Evidence
@@ -116,7 +116,7 @@ def save_answers(session: Session, path: str | Path) -> Path:
     ValueError
         If nothing was answered yet.
     """
-    answers, target = session.review.answers, Path(path).expanduser()
+    answers, target = session.review.answers, given_path(path)
     if not answers:
         raise ValueError("there are no answers to save: answer a question of the review first")
     with written_atomically(target) as temporary, temporary.open("wb") as file:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
@@ -39,6 +40,12 @@ _GROUPS = {
 
 # SOP classes of files that hold the voxels of segments (binary, fractional, as labels), no scan.
 _SEGMENTATIONS = ("1.2.840.10008.5.1.4.1.1.66.4", "1.2.840.10008.5.1.4.1.1.66.7")
+
+# So many images in a folder are no scan where others lie in the folders below it.
+_MOST_SCOUTS = 2
+
+# The groups 0002 and 0008, which files without a preamble begin with, in either byte order.
+_FIRST_GROUPS = (b"\2\0", b"\0\2", b"\10\0", b"\0\10")
 
 # What tells scans of one place apart, the surest first.
 _PHASES = (
@@ -124,9 +131,9 @@ def read_dicom(path: Path, large: bool = False) -> FileData:
     """Read a CT volume from a folder of slices, one of its slices, or a multi-frame file.
 
     Of a folder with several series, or a series with images of several kinds, the one with the
-    most slices is taken; of a series with several scans of one place all are, as axis t. The
-    volume holds CT number (HU) + 1000, clipped to [0, 32000], as uint16; what is not CT is
-    rescaled as the file says.
+    most slices is taken. Folders below it are looked into where it has no scan itself. Of a series
+    with several scans of one place all are, as axis t. The volume holds CT number (HU) + 1000,
+    clipped to [0, 32000], as uint16; what is not CT is rescaled as the file says.
 
     Parameters
     ----------
@@ -183,7 +190,7 @@ def read_dicom(path: Path, large: bool = False) -> FileData:
 
 def _headers(pydicom: Any, path: Path, assumed: list[str]) -> list[tuple[Path, Any]]:
     if path.is_dir():
-        return _series(pydicom, sorted(p for p in path.rglob("*") if p.is_file()), path, assumed)
+        return _in_folder(pydicom, path, assumed)
     alone = _header(pydicom, path)
     # Forced: some DICOS files have no preamble, and this one was named by the user.
     forced = alone is None
@@ -198,6 +205,27 @@ def _headers(pydicom: Any, path: Path, assumed: list[str]) -> list[tuple[Path, A
         return [(path, alone)]
     beside = sorted(p for p in path.parent.iterdir() if p.is_file())
     return _series(pydicom, beside, path, assumed, alone, forced)
+
+
+def _in_folder(pydicom: Any, folder: Path, assumed: list[str]) -> list[tuple[Path, Any]]:
+    own, told = sorted(p for p in folder.iterdir() if p.is_file()), list[str]()
+    with suppress(ValueError):
+        headers = _series(pydicom, own, folder, told)
+        frames = sum(int(header.get("NumberOfFrames") or 1) for _, header in headers)
+        if frames > _MOST_SCOUTS:
+            below = any(p.is_dir() for p in folder.iterdir())
+            assumed += [*told, *["folders in it were left out"] * below]
+            return headers
+    return _series(pydicom, sorted(p for p in folder.rglob("*") if p.is_file()), folder, assumed)
+
+
+def _begins_as_dicom(file: Path) -> bool:
+    # Anything else, such as gigabytes of zeros, would be taken apart to its end.
+    try:
+        with file.open("rb") as stream:
+            return stream.read(2) in _FIRST_GROUPS
+    except OSError:
+        return False
 
 
 def _header(pydicom: Any, path: Path, force: bool = False) -> Any:
@@ -219,7 +247,7 @@ def _series(
     segmentations, coloured = [], []
     for file in files:
         # Forced only as the named one was: a folder also holds text files and thumbnails.
-        header = _header(pydicom, file, forced)
+        header = _header(pydicom, file, forced and _begins_as_dicom(file))
         if header is None or "Rows" not in header:
             continue
         if _is_segmentation(header):

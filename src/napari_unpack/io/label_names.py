@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from napari_unpack.atomic import given_path
 from napari_unpack.file_sizes import check_plain_file
 from napari_unpack.read_errors import read_errors_told
 
@@ -65,7 +66,7 @@ def load_label_names(path: str | Path) -> dict[int, NamedLabel]:
     ValueError
         If no label is described in it.
     """
-    file = Path(path).expanduser()
+    file = given_path(path)
     with read_errors_told(file, "a list of labels"):
         check_plain_file(file)
         if is_segmentation(file):
@@ -115,7 +116,9 @@ def _lines(text: str) -> Iterator[tuple[int, NamedLabel]]:
 
 
 def _table(text: str) -> Iterator[tuple[int, NamedLabel]]:
-    # Spreadsheets write semicolons where numbers have a comma for a point.
+    # Spreadsheets write semicolons where numbers have a comma for a point; for Excel some programs
+    # say so in a line before.
+    text = re.sub(r'\A"?sep=.?"?\s*\n', "", text)
     head = text.partition("\n")[0]
     between = ";" if head.count(";") > head.count(",") else ","
     for line in csv.DictReader(io.StringIO(text, newline=""), delimiter=between):

@@ -230,7 +230,9 @@ def _unwritten(process: subprocess.Popen[bytes], said: str) -> OSError:
         return OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     # Its last words: those before repeat them for every stream. A killed one says nothing.
     if len(said := " ".join(said.split())) > LONGEST_REASON:
-        said = "…" + said[-LONGEST_REASON:].partition(" ")[2]
+        last = said[-LONGEST_REASON:]
+        # From a whole word on, if it is of several.
+        said = "…" + (last.partition(" ")[2] or last)
     return OSError(said or f"ffmpeg ended with status {process.returncode}")
 
 

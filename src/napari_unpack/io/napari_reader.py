@@ -13,6 +13,7 @@ from typing import Any
 
 from napari_unpack.file_sizes import TooLargeError
 from napari_unpack.io.file_data import SPACE, FileData
+from napari_unpack.io.scan import Scan
 
 LayerData = tuple[Any, dict[str, Any], str]
 
@@ -63,10 +64,10 @@ def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerDat
     from napari_unpack.io.arrays import read_names
     from napari_unpack.io.label_names import is_segmentation, load_label_names, names_of_labels
     from napari_unpack.io.ome_zarr import holds_ids, is_label_image
-    from napari_unpack.io.volumes import is_zarr, read_file, stem_of, suffix_of
+    from napari_unpack.io.volumes import is_zarr, printable, read_file, stem_of, suffix_of
 
     first = Path(path if isinstance(path, str) else path[0])
-    name = stem_of(first)
+    name = printable(stem_of(first))
     try:
         found = read_file(first, large).space_last()
     except TooLargeError:
@@ -129,11 +130,13 @@ def _attributes(found: FileData, name: str) -> dict[str, Any]:
         "units": ("pixel",) * others + ("mm",) * len(SPACE),
         "axis_labels": tuple(found.axes),
         "name": name,
-        "metadata": {
-            "assumed": found.assumed,
-            "scanner_from_scan": found.scanner_from_scan,
-        },
+        "metadata": layer_metadata(found),
     }
+
+
+def layer_metadata(found: FileData | Scan) -> dict[str, Any]:
+    """Return what a layer keeps of the file that it was read from."""
+    return {"assumed": found.assumed, "scanner_from_scan": found.scanner_from_scan}
 
 
 def _label_attributes(found: FileData, name: str, beside_image: bool) -> dict[str, Any]:

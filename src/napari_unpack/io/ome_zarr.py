@@ -287,8 +287,12 @@ def is_label_image(path: Path) -> bool:
 
 def is_label_image_alone(path: Path) -> bool:
     """Tell whether a folder is a label image and holds nothing beside its levels."""
-    belongs = re.compile(r"\.z[a-z]+|zarr\.json|\d+")
-    return is_label_image(path) and holds_only(path, lambda name: bool(belongs.fullmatch(name)))
+    if not is_label_image(path):
+        return False
+    scales = _attributes(_opened(path)).get("multiscales") or []
+    levels = {level["path"] for scale in scales for level in scale["datasets"]}
+    about = re.compile(r"\.z[a-z]+|zarr\.json")
+    return holds_only(path, lambda name: name in levels or bool(about.fullmatch(name)))
 
 
 def holds_ids(array: Any) -> bool:

@@ -166,7 +166,7 @@ class UnsavedCopy:
         new = self._folder / str(self._count + 1)
         try:
             new.mkdir()
-            written_volume = self._volume(new, volume, told)
+            written_volume = self._volume(new, volume, labels.nbytes, told)
             written_labels = _written_array(new, "labels", given_labels(session), told)
         except BaseException:
             shutil.rmtree(new, ignore_errors=True)
@@ -175,14 +175,15 @@ class UnsavedCopy:
         self._labels = labels
         self._arrays = {"volume": written_volume, "labels": written_labels}
 
-    def _volume(self, new: Path, volume: NDArray[Any], told: Told) -> dict[str, Any]:
+    def _volume(self, new: Path, volume: NDArray[Any], more: int, told: Told) -> dict[str, Any]:
         before = self._latest / "volume.npz"
         if "volume" not in self._arrays:
             return _written_array(new, "volume", volume, told)
         try:
             os.link(before, new / before.name)
         except OSError:
-            # Not every file system has hard links.
+            # Not every file system has hard links; the labels' bytes are to come.
+            self._make_room(before.stat().st_size + more)
             shutil.copyfile(before, new / before.name)
         return dict(self._arrays["volume"])
 
@@ -312,6 +313,6 @@ def _written_array(folder: Path, name: str, array: NDArray[Any], told: Told) -> 
 
 
 def _size(folder: Path) -> int:
-    found = (file.lstat() for file in folder.rglob("*") if file.is_file())
-    # Once each: states of one bag share its volume by links.
-    return sum({one.st_ino: one.st_size for one in found}.values())
+    found = ((file, file.lstat()) for file in folder.rglob("*") if file.is_file())
+    # Once each: states of one bag share its volume by links. Some file systems number no files.
+    return sum({one.st_ino or file: one.st_size for file, one in found}.values())

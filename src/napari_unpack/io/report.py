@@ -217,7 +217,7 @@ def _data_uri(image: NDArray[Any] | Sequence[Any]) -> str:
 def save_objects_csv(objects: pd.DataFrame, path: str | Path, unit: LengthUnit = MM) -> Path:
     """Write a table of objects, one row an object, the ID first.
 
-    Measures have six digits, other numbers all of theirs.
+    Measures have six digits, other numbers the fewest that are no other number.
 
     Parameters
     ----------
@@ -230,9 +230,8 @@ def save_objects_csv(objects: pd.DataFrame, path: str | Path, unit: LengthUnit =
         in the names of these columns: z is then z_um or z_voxels.
     """
     target = checked_target(path)
-    objects = _in_unit(objects, unit).map(_not_a_formula)
     with written_atomically(target) as temporary:
-        _write_csv(objects, temporary, "id")
+        _write_csv(_in_unit(objects, unit), temporary, "id")
     return target
 
 
@@ -268,26 +267,37 @@ def save_measurements_csv(session: Session, path: str | Path) -> Path:
     table = pd.DataFrame(rows, index=range(1, len(rows) + 1), columns=["kind", *told])
     target = checked_target(path)
     with written_atomically(target) as temporary:
-        _write_csv(table.map(_six_digits).map(_not_a_formula), temporary, "measurement")
+        _write_csv(table.map(_six_digits), temporary, "measurement")
     return target
 
 
 def _write_csv(table: pd.DataFrame, path: Path, index: str) -> None:
-    # One line end on every system, in texts too, since a lone carriage return is not quoted and
-    # ends the row for whoever reads it.
-    table = table.map(lambda v: re.sub("\r\n?", "\n", v) if isinstance(v, str) else v)
-    # Whole numbers that stand beside missing ones are floats: all their digits, and no more.
-    table.to_csv(path, index_label=index, float_format="%.15g", lineterminator="\n")
+    table.apply(_cells).to_csv(path, index_label=index, lineterminator="\n")
+
+
+def _cells(column: pd.Series[Any]) -> pd.Series[Any]:
+    import pandas as pd
+
+    # Not by `map`, which makes float64 of float32, and noise of its last digits.
+    return pd.Series([_cell(v) for v in column.array], column.index)
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, float | np.floating):
+        # The fewest digits that are this number; whole ones beside missing ones are floats too.
+        return "" if np.isnan(value) else str(value).removesuffix(".0")
+    if not isinstance(value, str):
+        return value
+    # One line end on every system, since a lone carriage return is not quoted and ends the row for
+    # whoever reads it.
+    text = re.sub("\r\n?", "\n", value)
+    # Spreadsheets run text that begins so; an apostrophe makes it text, and is not shown.
+    return f"'{text}" if value[:1] in set("=+-@\t\r") else text
 
 
 def _six_digits(value: Any) -> Any:
     # More than any measure has; numbers of a person's own keep theirs.
     return float(f"{value:.6g}") if isinstance(value, float | np.floating) else value
-
-
-def _not_a_formula(value: Any) -> Any:
-    # Spreadsheets run text that begins so; an apostrophe makes it text, and is not shown.
-    return f"'{value}" if isinstance(value, str) and value[:1] in set("=+-@\t\r") else value
 
 
 def _suffix(unit: LengthUnit) -> str:

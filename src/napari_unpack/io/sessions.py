@@ -14,6 +14,7 @@ from zlib import compress, decompressobj
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from napari_unpack.atomic import given_path
 from napari_unpack.file_sizes import check_size, stored_size
 from napari_unpack.io.json_fields import Fields
 from napari_unpack.io.model_json import SavedModel, model_record, saved_model
@@ -88,7 +89,7 @@ def save_session(
     """
     from napari_unpack.io.session_json import given_labels
 
-    target = Path(path).expanduser()
+    target = given_path(path)
     report = progress or no_progress
     if not copy and volume_path is None:
         raise ValueError("copy=False needs volume_path, the file the volume came from")
@@ -242,7 +243,7 @@ def open_session(
     from napari_unpack.io.answers import evidence_from
     from napari_unpack.io.session_json import session_from
 
-    source = Path(path).expanduser()
+    source = given_path(path)
     report = progress or no_progress
     report(0.0, "Opening the session")
     with read_errors_told(source, "a session"):
@@ -286,7 +287,7 @@ def standing_of(path: str | Path) -> NDArray[np.float64] | None:
     ValueError
         If it is damaged, or no affine that can be inverted.
     """
-    source = Path(path).expanduser()
+    source = given_path(path)
     with read_errors_told(source, "a session"), opened_for_reading(source) as store:
         fields = _manifest(store, source, large=True)
     if not fields.has("standing"):
@@ -398,7 +399,7 @@ def _referred(
 def _reference(file: Path, target: Path, name: str, facts: ArrayFacts) -> str:
     """Return how a session refers to a file, which must hold the array."""
     # Read back at once: a reference to another volume would be found only on opening.
-    file = file.expanduser()
+    file = given_path(file)
     if file.resolve().is_relative_to(target.resolve()):
         raise ValueError(
             f"the {name} is in {file}, which saving to {target} would replace: choose another "

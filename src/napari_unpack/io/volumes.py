@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.atomic import check_space, check_writable, checked_target
+from napari_unpack.atomic import check_space, check_writable, checked_target, given_path
 from napari_unpack.file_sizes import check_plain_file
 from napari_unpack.io.arrays import read_names, read_npy, read_npz, write_npz
 from napari_unpack.io.file_data import FileData
@@ -68,7 +68,7 @@ def load_volume(path: str | Path, at: Mapping[str, int] | None = None, large: bo
     found = read_file(path, large).one_volume(at or {}, path)
     if found.volume is None:
         raise ValueError(f"{path} holds labels without a volume; open it with load_labels")
-    file = Path(path).expanduser()
+    file = given_path(path)
     names = read_names(file) if found.labels is not None and suffix_of(file) == ".npz" else None
     return Scan(
         found.volume,
@@ -94,8 +94,9 @@ def load_labels(path: str | Path, large: bool = False) -> tuple[NDArray[Any], Sp
     Raises
     ------
     FileNotFoundError, ValueError, ImportError
-        As for `load_volume`, if it holds no whole numbers, and if it is an .npz or OME-Zarr of a
-        volume without labels of its shape.
+        As for `load_volume`, if it holds no whole numbers, if it is an .npz of a volume without
+        labels, and if its labels are of another shape than its volume. An OME-Zarr image without
+        labels is taken for labels: many programs write theirs without saying so.
     """
     found = read_file(path, large)
     if found.labels is None and found.is_density:
@@ -206,7 +207,7 @@ def read_file(path: str | Path, large: bool = False) -> FileData:
     FileNotFoundError, ValueError, ImportError
         As for `load_volume`.
     """
-    file = Path(path).expanduser()
+    file = given_path(path)
     with read_errors_told(file, f"a readable {suffix_of(file) or 'DICOM'} file"):
         if not file.is_dir():
             check_plain_file(file)

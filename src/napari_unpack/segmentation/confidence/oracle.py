@@ -7,7 +7,6 @@ components, and their density is modelled by a mixture of Gaussians. Regions kno
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -17,7 +16,7 @@ from zipfile import BadZipFile, ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.atomic import checked_target, written_atomically
+from napari_unpack.atomic import checked_target, given_path, written_atomically
 from napari_unpack.file_sizes import check_plain_file, load_arrays
 from napari_unpack.read_errors import read_errors_told
 from napari_unpack.segmentation.common.region import Region
@@ -171,7 +170,7 @@ class Oracle:
         FileNotFoundError
             If there is none.
         """
-        path = Path(os.path.expanduser(path))
+        path = given_path(path)
         with read_errors_told(path, "an oracle"):
             check_plain_file(path)
             # What numpy says of other archives, such as sessions, says nothing of oracles.
