@@ -30,8 +30,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class _Before:
-    """The camera before an inspection, and the last to hold all where it was that."""
+    """The view before an inspection: napari's own, the camera of it, and whether it held all.
 
+    napari's own is None where slices were looked at.
+    """
+
+    view: SavedView | None
     seen: Camera
     target: Camera | None
 
@@ -215,7 +219,9 @@ class Framing:
         if self._before is not None:
             return
         target = self._fit if self.is_fit else None
-        self._before = _Before(self._seen, target)
+        solid = self._viewer.dims.ndisplay == 3
+        view = SavedView.of(self._viewer.scene.camera) if solid else None
+        self._before = _Before(view, self._seen, target)
         if object_id not in self._session.state.placements:
             self._go(_near(self._session, self._seen, object_id))
 
@@ -232,8 +238,14 @@ class Framing:
         before, self._before = self._before, None
         self._target = before.target
         # The perspective may have been changed meanwhile.
-        fov = float(self._viewer.scene.camera.perspective)
-        self._look(replace(before.seen, fov=fov))
+        camera = self._viewer.scene.camera
+        perspective = float(camera.perspective)
+        if before.view is None or self._viewer.dims.ndisplay != 3:
+            self._look(replace(before.seen, fov=perspective))
+        else:
+            # Its own numbers, which no rounding has moved.
+            self._set, self._late = before.seen, False
+            replace(before.view, perspective=perspective).give_back(camera)
         self.follow()
 
     def catch_up(self, finish: bool = False) -> None:
@@ -316,6 +328,8 @@ class Framing:
         compat.draw_in_units(self._viewer, self._layer, units)
         # napari's camera keeps its numbers, which mean another place and size from here on.
         SavedView.of(camera).moved(moved).give_back(camera)
+        if self._before is not None and self._before.view is not None:
+            self._before = replace(self._before, view=self._before.view.moved(moved))
 
     def _follow_axes(self) -> bool:
         """Bring all into view where napari has ordered its axes anew, and return whether it has."""

@@ -173,6 +173,12 @@ class SlicesDock(DockContents):
         linked.events.rulers.connect(self._show_rulers)
         for view in self.views.values():
             view.show_volume(linked.shape, linked.spacing)
+        low, high = linked.window
+        # To a hundredth of what lies between. Once: other digits would change what is being typed.
+        digits = int(np.ceil(2 - np.log10(max(high - low, 1e-9))))
+        for box in (self.black, self.white):
+            with QSignalBlocker(box):
+                box.setDecimals(max(1, digits))
         self._show_window(linked.window)
         self._show_crosshair(linked.crosshair)
 
@@ -200,8 +206,6 @@ class SlicesDock(DockContents):
         width = window[1] - window[0]
         for box, density in zip((self.black, self.white), window, strict=True):
             with QSignalBlocker(box):
-                # A hundredth of what lies between, whatever the values.
-                box.setDecimals(max(1, int(np.ceil(2 - np.log10(width)))))
                 box.setValue(density)
                 box.setSingleStep(max(width / 50, 1e-6))
 
