@@ -363,8 +363,9 @@ def test_a_gif_keeps_colours_and_what_stands_still(tmp_path: Path) -> None:
     still[8:40, 8:60] = (200, 120, 40)
     still[20:50, 50:90, 2] = np.linspace(40, 250, 40).astype(np.uint8)
     written = []
-    # A name that ffmpeg would take for those of numbered pictures.
-    path = tmp_path / "100%done.gif"
+    # A path that ffmpeg would take for those of numbered pictures.
+    path = tmp_path / "50%done" / "100%done.gif"
+    path.parent.mkdir()
     with movie_writer(path, (64, 96), 10) as write:
         for k in range(12):
             frame = still.copy()
@@ -376,7 +377,7 @@ def test_a_gif_keeps_colours_and_what_stands_still(tmp_path: Path) -> None:
     assert np.abs(read - np.stack(written)).max() <= 8
     assert (read[:, :50] == read[0, :50]).all(), "nothing flickers where nothing moves"
     assert path.stat().st_size < 12 * 1500
-    assert list(tmp_path.iterdir()) == [path]
+    assert list(path.parent.iterdir()) == [path]
 
 
 @pytest.mark.parametrize(

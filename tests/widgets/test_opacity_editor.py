@@ -1,5 +1,7 @@
 """The opacity curve under the mouse and the keyboard."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from pytestqt.qtbot import QtBot
@@ -245,30 +247,37 @@ def test_points_are_typed_and_what_cannot_be_is_told(qtbot: QtBot, monkeypatch) 
             points_of(wrong)
 
 
-def test_points_that_are_left_as_they_stood_are_not_rounded(qtbot: QtBot) -> None:
-    line, told = TypedPoints(), []
+@pytest.mark.parametrize(
+    ("points", "shown", "more", "told"),
+    [
+        (
+            [(0.0, 0.0), (1234.567, 0.0012345), (30000.0, 0.5)],
+            "0 0, 1234.6 0.00123, 30000 0.5",
+            "6, 31000 1",
+            [(0.0, 0.0), (1234.567, 0.0012345), (30000.0, 0.6), (31000.0, 1.0)],
+        ),
+        # What lies close together is told apart.
+        (
+            [(0.0, 0.0), (1234.56, 0.2), (1234.58, 0.2), (3000.0, 0.5)],
+            "0 0, 1234.56 0.2, 1234.58 0.2, 3000 0.5",
+            "6",
+            [(0.0, 0.0), (1234.56, 0.2), (1234.58, 0.2), (3000.0, 0.6)],
+        ),
+    ],
+)
+def test_points_that_are_left_as_they_stood_are_not_rounded(
+    qtbot: QtBot, points: list[Any], shown: str, more: str, told: list[Any]
+) -> None:
+    line, heard = TypedPoints(), []
     qtbot.addWidget(line)
-    line.edited.connect(told.append)
-    line.show_points([(0.0, 0.0), (1234.567, 0.0012345), (30000.0, 0.5)])
-    assert line.text() == "0 0, 1234.6 0.00123, 30000 0.5"
+    line.edited.connect(heard.append)
+    line.show_points(points)
+    assert line.text() == shown
     line.end(False)
     qtbot.keyClick(line, Qt.Key.Key_Backspace)
-    qtbot.keyClicks(line, "6, 31000 1")
+    qtbot.keyClicks(line, more)
     qtbot.keyClick(line, Qt.Key.Key_Return)
-    assert told == [[(0.0, 0.0), (1234.567, 0.0012345), (30000.0, 0.6), (31000.0, 1.0)]]
-
-
-def test_points_that_lie_close_together_are_told_apart(qtbot: QtBot) -> None:
-    line, told = TypedPoints(), []
-    qtbot.addWidget(line)
-    line.edited.connect(told.append)
-    line.show_points([(0.0, 0.0), (1234.56, 0.2), (1234.58, 0.2), (3000.0, 0.5)])
-    assert line.text() == "0 0, 1234.56 0.2, 1234.58 0.2, 3000 0.5"
-    line.end(False)
-    qtbot.keyClick(line, Qt.Key.Key_Backspace)
-    qtbot.keyClicks(line, "6")
-    qtbot.keyClick(line, Qt.Key.Key_Return)
-    assert told == [[(0.0, 0.0), (1234.56, 0.2), (1234.58, 0.2), (3000.0, 0.6)]]
+    assert heard == [told]
 
 
 def test_presets_are_of_ct_and_follow_its_values() -> None:

@@ -26,8 +26,6 @@ from napari_unpack.widgets import recovery
 from napari_unpack.widgets.preferences import Preferences
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import (
-    add_bag,
-    controller_with,
     open_panel,
     pile_of_balls,
     press,
@@ -39,10 +37,8 @@ LEFT = Qt.MouseButton.LeftButton
 
 
 @pytest.fixture
-def worked(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> UnpackingWidget:
+def worked(panel: UnpackingWidget, piled: Any) -> UnpackingWidget:
     """Return the panel with a session in which nothing was done yet."""
-    _, expert = add_bag(viewer)
-    controller_with(panel, qtbot, expert)
     panel.workspace.controller.seconds = 0.15
     return panel
 

@@ -38,10 +38,8 @@ Button = QMessageBox.StandardButton
 
 
 @pytest.fixture
-def worked(viewer: Any, panel: UnpackingWidget, qtbot: QtBot) -> UnpackingWidget:
+def worked(panel: UnpackingWidget, piled: Any, qtbot: QtBot) -> UnpackingWidget:
     """Return the panel with a session in which something was done."""
-    _, expert = add_bag(viewer)
-    controller_with(panel, qtbot, expert)
     panel.workspace.controller.seconds = 0.15
     press(qtbot, panel.unpack.next)
     rest(panel, qtbot)

@@ -140,18 +140,20 @@ def _gif(
     A ninth as large as with colours chosen frame by frame and dithered: what stands still
     stays the same and is left out.
     """
-    # Not called as the film: ffmpeg takes a % in a picture's path for a number.
     with TemporaryDirectory(dir=path.parent) as folder:
         # Without loss in between: a second encoder would turn noise of the first into colours.
         lossless, colors = Path(folder) / "movie.mkv", Path(folder) / "colors.png"
         with _encoded(lossless, size, fps, SILENT, "-vcodec", "ffv1", "-pix_fmt", "bgr0") as write:
             yield write
-        _ffmpeg(share.part(0.0, 0.4), "-i", str(lossless), "-vf", "palettegen", str(colors))
+        # One picture: ffmpeg else takes a % anywhere in its path for a number.
+        chosen = ("-vf", "palettegen", "-update", "1", str(colors))
+        _ffmpeg(share.part(0.0, 0.4), "-i", str(lossless), *chosen)
         # No dithering: its pattern changes from frame to frame, and nothing would stand still.
         palette = "paletteuse=dither=none:diff_mode=rectangle"
         if fps > MOST_GIF_FPS:
             palette = f"fps={MOST_GIF_FPS},{palette}"
-        films = ("-i", str(lossless), "-i", str(colors), "-lavfi", palette)
+        palette_in = ("-f", "image2", "-pattern_type", "none", "-i", str(colors))
+        films = ("-i", str(lossless), *palette_in, "-lavfi", palette)
         _ffmpeg(share.part(0.4, 1.0), *films, "-f", "gif", str(path))
 
 
