@@ -1,5 +1,6 @@
 """Films: playable, of the right size and length, whole or not there at all."""
 
+import tempfile
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -357,15 +358,18 @@ def test_a_bag_turns_the_same_way_however_its_layer_stands(looking: Any, linear:
         np.testing.assert_allclose(shown, wanted, atol=1e-12)
 
 
-def test_a_gif_keeps_colours_and_what_stands_still(tmp_path: Path) -> None:
+def test_a_gif_keeps_colours_and_what_stands_still(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     rng = np.random.default_rng(5)
     still = np.zeros((64, 96, 3), np.uint8)
     still[8:40, 8:60] = (200, 120, 40)
     still[20:50, 50:90, 2] = np.linspace(40, 250, 40).astype(np.uint8)
     written = []
-    # A path that ffmpeg would take for those of numbered pictures.
-    path = tmp_path / "50%done" / "100%done.gif"
-    path.parent.mkdir()
+    # Where it is made, ffmpeg would take the paths for those of numbered pictures.
+    making, path = tmp_path / "50%done", tmp_path / "100%%e.gif"
+    making.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(making))
     with movie_writer(path, (64, 96), 10) as write:
         for k in range(12):
             frame = still.copy()
@@ -377,7 +381,7 @@ def test_a_gif_keeps_colours_and_what_stands_still(tmp_path: Path) -> None:
     assert np.abs(read - np.stack(written)).max() <= 8
     assert (read[:, :50] == read[0, :50]).all(), "nothing flickers where nothing moves"
     assert path.stat().st_size < 12 * 1500
-    assert list(path.parent.iterdir()) == [path]
+    assert {*tmp_path.iterdir()} == {making, path}
 
 
 @pytest.mark.parametrize(
