@@ -111,3 +111,27 @@ def test_sprites_glide_when_the_window_takes_another_shape(
     gone = [float((at[one] - before[one]) @ whole / (whole @ whole)) for at in shown]
     assert gone[-1] == pytest.approx(1.0)
     assert any(0.02 < part < 0.98 for part in gone)
+
+
+def test_in_a_film_sprites_glide_by_its_clock(staged, session) -> None:
+    _, controller = staged
+    controller.recolor_at_rest = False
+    controller.fade.allowed = True
+    out = controller.unpack(4)
+    controller.finish()
+    assert controller.settle(30)
+    before = {i: controller.sprites.sprites[i].pose.center.copy() for i in out}
+    time = [100.0]
+    session.clock = lambda: time[0]
+    controller.seconds = 10.0
+    # There is room for four, and then for more.
+    controller.unpack(1)
+    for share in (0.5, 1.0):
+        time[0] = 100.0 + share * GLIDE_SECONDS + 1e-6
+        assert controller.step(30)
+        assert session.flights
+        for i in out:
+            way = session.poses[i].center - before[i]
+            assert np.linalg.norm(way) > 5.0
+            there = controller.sprites.sprites[i].pose.center
+            np.testing.assert_allclose(there, before[i] + share * way, atol=1e-2)

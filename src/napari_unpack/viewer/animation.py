@@ -415,6 +415,8 @@ class Glides:
         Called at every moment of a glide.
     allowed : callable
         Returns False where the desktop asks for reduced motion: all jump.
+    clock : callable, optional
+        Returns the time, s; by default the scheduler's.
 
     Notes
     -----
@@ -422,10 +424,14 @@ class Glides:
     """
 
     def __init__(
-        self, scheduler: Scheduler, moved: Callable[[], None], allowed: Callable[[], bool]
+        self,
+        scheduler: Scheduler,
+        moved: Callable[[], None],
+        allowed: Callable[[], bool],
+        clock: Callable[[], float] | None = None,
     ) -> None:
         self._moved, self._allowed = moved, allowed
-        self.animation = scheduler.animate(self._tick)
+        self.animation = scheduler.animate(self._tick, clock)
         self._plan: object = None
         self._poses: dict[int, Pose] = {}
         self._glides: dict[int, Glide] = {}

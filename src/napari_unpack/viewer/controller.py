@@ -436,6 +436,8 @@ class SessionController:
         """
         self.renderer.catch_up()
         # A clock that stands still ends no glide, and only flights are waited for.
+        if not self.flying:
+            self.renderer.glides.finish()
         self.framing.catch_up(finish=not self.flying)
         return self.settle(seconds)
 

@@ -113,10 +113,14 @@ class SceneRenderer:
         self.sprite_renderer = SpriteRenderer(session, scheduler, sprites.show)
         self.held = HeldObjects(self)
         self.picker = ScenePicker(self)
-        self.glides = Glides(scheduler, self.show_sprites, lambda: bag.fade.allowed)
         self.animator = Animator(session, self.sprite_renderer.has, lambda _: bag.settled)
-        # Asked anew each time: a film exchanges the session's clock for one it steps itself.
-        self.flight_animation = scheduler.animate(self._tick, lambda: session.clock())
+
+        def clock() -> float:
+            # Asked anew each time: a film exchanges the session's clock for one it steps itself.
+            return session.clock()
+
+        self.glides = Glides(scheduler, self.show_sprites, lambda: bag.fade.allowed, clock)
+        self.flight_animation = scheduler.animate(self._tick, clock)
 
     @property
     def statistics(self) -> Statistics:
@@ -135,7 +139,9 @@ class SceneRenderer:
         images = self.packed_renderer.settled and self.sprite_renderer.settled
         # What has landed stays in the transition layer for some ticks more.
         landing = self.flight_animation.running and not self.animator.flying
-        return images and self.glides.settled and not (self._upload.busy or landing)
+        # What glides is waited for as what flies is: a film may hold both on their way.
+        still = self.glides.settled or self.animator.flying
+        return images and still and not (self._upload.busy or landing)
 
     @property
     def turning(self) -> bool:
