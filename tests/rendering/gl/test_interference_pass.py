@@ -8,15 +8,15 @@ import pytest
 from napari_unpack.appearance import interference
 from napari_unpack.rendering import interference_in
 from napari_unpack.rendering.gl import backend as gl_backend
-from napari_unpack.rendering.gl import occlusion_atomics
+from napari_unpack.rendering.gl import compute_program
 
 
 @pytest.fixture
 def scatter(gl):
-    if not occlusion_atomics.supported(blocks=4):
+    if not compute_program.supported():
         if os.environ.get("UNPACK_REQUIRE_GL") == "1":
-            pytest.fail("this driver has no shader storage buffers (OpenGL 4.3)")
-        pytest.skip("this driver has no shader storage buffers (OpenGL 4.3)")
+            pytest.fail("this driver has no compute shaders (OpenGL 4.3)")
+        pytest.skip("this driver has no compute shaders (OpenGL 4.3)")
 
 
 def blots(seed, layers, height=37, width=52, objects=12):

@@ -9,15 +9,14 @@ from crowded_bags import assert_counted_as_by_the_cpu
 from napari_unpack.geometry.rays import cast_rays, voxel_from_world
 from napari_unpack.geometry.view import View
 from napari_unpack.rendering.gl import backend as gl_backend
-from napari_unpack.rendering.gl import occlusion_atomics
+from napari_unpack.rendering.gl import compute_program
 from napari_unpack.rendering.gl.occlusion_atomics import RayTooCrowdedError
-from napari_unpack.rendering.gl.programs import compiled
 
 
 @pytest.fixture
 def atomics(gl):
-    if not occlusion_atomics.supported():
-        reason = "this driver has no shader storage buffers (OpenGL 4.3)"
+    if not compute_program.supported():
+        reason = "this driver has no compute shaders (OpenGL 4.3)"
         if os.environ.get("UNPACK_REQUIRE_GL") == "1":
             pytest.fail(reason)
         pytest.skip(reason)
@@ -48,4 +47,4 @@ def test_a_ray_through_more_objects_than_it_remembers_goes_the_other_way(atomics
 
 
 def test_the_pass_compiles(atomics):
-    assert compiled("count_occluded.frag", version=occlusion_atomics.VERSION).variables
+    assert "u_objects" in compute_program.computed("count_occluded.comp")

@@ -14,7 +14,7 @@ from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.view import View
 from napari_unpack.rendering import cpu
 from napari_unpack.rendering.gl import backend as gl_backend
-from napari_unpack.rendering.gl import textures
+from napari_unpack.rendering.gl import compute_program, textures
 from napari_unpack.rendering.gl.voxel_buffer import VoxelBuffer
 
 CLEAR = 2e-4
@@ -78,8 +78,15 @@ def stretch_of(seed):
     return (None, -np.eye(3), np.diag([2.0, 1.0, 0.5]), sheared, -sheared)[seed % 5]
 
 
+@pytest.fixture(params=[False, True], ids=["drawn", "computed"])
+def computed(request, gl, monkeypatch):
+    """Whether pixels are computed by compute shaders, as on a card, or drawn."""
+    monkeypatch.setattr(compute_program, "preferred", lambda: request.param)
+    return request.param
+
+
 @pytest.mark.parametrize("seed", range(50))
-def test_object_id_shaders_match_the_cpu_ray_caster(gl, seed):
+def test_object_id_shaders_match_the_cpu_ray_caster(computed, seed):
     case = Case(seed)
     clear = case.clear()
     assert clear.mean() > 0.5
@@ -92,11 +99,13 @@ def test_object_id_shaders_match_the_cpu_ray_caster(gl, seed):
     np.testing.assert_array_equal(skipped[:, clear], wanted[:, clear])
 
 
-@pytest.fixture(params=[True, False], ids=["voxels", "filtered"])
+@pytest.fixture(params=["voxels", "filtered", "computed"])
 def density_held(request, gl, monkeypatch):
     """Density as a buffer of voxels, as for software rasterisers, or as a 3D texture."""
-    monkeypatch.setattr(textures, "serves_best", lambda _: request.param)
-    yield VoxelBuffer if request.param else gloo.Texture3D
+    buffered = request.param == "voxels"
+    monkeypatch.setattr(textures, "serves_best", lambda _: buffered)
+    monkeypatch.setattr(compute_program, "preferred", lambda: request.param == "computed")
+    yield VoxelBuffer if buffered else gloo.Texture3D
     gl_backend.forget()
 
 

@@ -6,7 +6,9 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[3]
-FILES = sorted(p for p in (ROOT / "shaders").rglob("*") if p.suffix in {".glsl", ".frag", ".vert"})
+FILES = sorted(
+    p for p in (ROOT / "shaders").rglob("*") if p.suffix in {".glsl", ".frag", ".vert", ".comp"}
+)
 
 
 def head_of(path):
@@ -39,7 +41,7 @@ def test_the_functions_a_shader_names_are_in_its_twin(path):
             assert re.search(rf"^\s*(def |class )?{name}\b", text, re.MULTILINE), (file, name)
 
 
-NEWER = {"voxel_buffer.glsl", "interfering.frag", "count_occluded.frag"}
+NEWER = {"voxel_buffer.glsl", "invocation.glsl", "interfering.comp", "count_occluded.comp"}
 """Passes for drivers that have more, each with another way for those that have not."""
 
 
@@ -54,10 +56,10 @@ def test_a_shader_stays_within_glsl_120(path):
 @pytest.mark.parametrize(
     ("fragment", "vertex", "defines"),
     [
-        ("tinted_volume.frag", "fullscreen.vert", {}),
-        ("tinted_volume.frag", "fullscreen.vert", {"SHADED": 1}),
-        ("object_id.frag", "fullscreen.vert", {"FOUND": 0}),
-        ("object_id.frag", "fullscreen.vert", {"FOUND": 7}),
+        ("tinted_volume.glsl", "fullscreen.vert", {}),
+        ("tinted_volume.glsl", "fullscreen.vert", {"SHADED": 1}),
+        ("object_id.glsl", "fullscreen.vert", {"FOUND": 0}),
+        ("object_id.glsl", "fullscreen.vert", {"FOUND": 7}),
         ("label_runs.frag", "fullscreen.vert", {}),
         ("occluded_first_hit.frag", "fullscreen.vert", {}),
         ("quad.frag", "quad.vert", {}),

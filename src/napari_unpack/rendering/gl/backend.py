@@ -20,7 +20,7 @@ from napari_unpack.geometry.boxes import LabelBoxes
 from napari_unpack.geometry.occlusion_counts import MOST_IN_TABLE, OcclusionCounts
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.geometry.shading import Shading
-from napari_unpack.rendering.gl import occlusion_atomics, offscreen
+from napari_unpack.rendering.gl import compute_program, offscreen
 from napari_unpack.rendering.gl.framebuffer import NO_DEPTH, Target, Targets
 from napari_unpack.rendering.gl.interference_pass import InterferencePass
 from napari_unpack.rendering.gl.object_id_pass import LAYERS_A_PASS, MOST_LAYERS, ObjectIdPass
@@ -120,11 +120,10 @@ def occlusion_counts(
         if method == "atomics" or (
             method == "auto"
             and np.count_nonzero(visible) <= MOST_IN_TABLE
-            and occlusion_atomics.supported()
+            and compute_program.supported()
         ):
-            target = workspace.counting_targets.get(rays.size)
             try:
-                return workspace.atomics.count(target, textures, rays, visible, occupied)
+                return workspace.atomics.count(textures, rays, visible, occupied)
             # The other method has no such limits.
             except (RayTooCrowdedError, ShaderError):
                 if method == "atomics":
@@ -175,12 +174,10 @@ def _interfering_pairs(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]] | None:
     """Return `InterferencePass.pairs`, None beyond the limits of the shader."""
     with offscreen.context().use():
-        if not occlusion_atomics.supported(blocks=4):
+        if not compute_program.supported():
             return None
-        workspace = workspace_here()
-        target = workspace.counting_targets.get((int(ids.shape[1]), int(ids.shape[2])))
         try:
-            return workspace.interference.pairs(target, ids, widths)
+            return workspace_here().interference.pairs(ids, widths)
         except (RayTooCrowdedError, ShaderError, ValueError):
             return None
 

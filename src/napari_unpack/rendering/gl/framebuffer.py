@@ -54,9 +54,12 @@ class Target:
         context.flush_commands()
         # gloo attaches the first colour only; the others are attached with plain GL.
         for i, texture in enumerate(self.textures[1:], start=1):
-            handle = context.shared.parser.get_object(texture.id).handle
             GL.glFramebufferTexture2D(
-                GL.GL_FRAMEBUFFER, GL.GL_COLOR_ATTACHMENT0 + i, GL.GL_TEXTURE_2D, handle, 0
+                GL.GL_FRAMEBUFFER,
+                GL.GL_COLOR_ATTACHMENT0 + i,
+                GL.GL_TEXTURE_2D,
+                handle_of(texture),
+                0,
             )
         GL.glDrawBuffers(len(channels), [GL.GL_COLOR_ATTACHMENT0 + i for i in range(len(channels))])
         self.framebuffer.deactivate()
@@ -198,6 +201,11 @@ def finish() -> None:
         raise MemoryError("it is out of memory")
     if complaint:
         raise RuntimeError(f"GL error {complaint:#06x}")
+
+
+def handle_of(made: Any) -> int:
+    """Return GL's own name of a gloo texture or buffer that has been sent to this context."""
+    return int(namespace().get_object(made.id).handle)
 
 
 def namespace() -> Any:

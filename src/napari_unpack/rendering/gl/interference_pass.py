@@ -1,19 +1,16 @@
-"""Interference of the objects in a view by scatter into a table, where OpenGL is 4.3 or newer."""
+"""Interference of the objects in a view by scatter into a table, in a compute shader."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from vispy import gloo
 
-from napari_unpack.rendering.gl.framebuffer import Target, current_context
+from napari_unpack.rendering.gl.compute_program import ComputeProgram, computed
 from napari_unpack.rendering.gl.occlusion_atomics import (
-    VERSION,
     RayTooCrowdedError,
     new_buffer,
     read_buffer,
 )
-from napari_unpack.rendering.gl.programs import compiled
 from napari_unpack.rendering.gl.uniforms import assign
 
 # Objects of an image; with more of them the tables outgrow what a driver likes to give.
@@ -25,17 +22,15 @@ class InterferencePass:
 
     def __init__(self) -> None:
         self.passes = 0
-        self._program: gloo.Program | None = None
+        self._program: ComputeProgram | None = None
 
     def pairs(
-        self, target: Target, stack: NDArray[np.integer], half_widths: NDArray[np.integer]
+        self, stack: NDArray[np.integer], half_widths: NDArray[np.integer]
     ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
         """Find the pairs that interfere.
 
         Parameters
         ----------
-        target : Target
-            One channel, of the image's size; what is drawn there means nothing.
         stack : (L, H, W) ndarray of int
             Object-ID layers, 0 is nothing; any IDs, at most 4096 of them.
         half_widths : (2 R + 1,) ndarray of int
@@ -68,7 +63,7 @@ class InterferencePass:
         if n > MOST_OBJECTS + 1:
             raise ValueError(f"stack must hold at most {MOST_OBJECTS} objects, got {n - 1}")
         if self._program is None:
-            self._program = compiled("interfering.frag", version=VERSION)
+            self._program = computed("interfering.comp")
         layers, height, width = stack.shape
         values = {
             "u_layers": layers,
@@ -86,10 +81,7 @@ class InterferencePass:
             new_buffer(3, np.zeros(n * n, np.uint32)),
         ]
         try:
-            with target.drawing():
-                self._program.draw("triangle_strip")
-                current_context().flush_commands()
-                GL.glMemoryBarrier(GL.GL_BUFFER_UPDATE_BARRIER_BIT)
+            self._program.run((0, 0, width, height))
             self.passes += 1
             table = read_buffer(buffers[2], words)
             lengths = read_buffer(buffers[3], n * n)

@@ -1,4 +1,4 @@
-"""Object-ID layers, drawn by shaders/passes/object_id.frag four at a time."""
+"""Object-ID layers, computed by shaders/passes/object_id.glsl four at a time."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from vispy import gloo
 
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.rendering.gl.framebuffer import Target
 from napari_unpack.rendering.gl.lookup_tables import IdTable
-from napari_unpack.rendering.gl.programs import compiled
+from napari_unpack.rendering.gl.pixel_program import pixel_program
+from napari_unpack.rendering.gl.programs import Programs
 from napari_unpack.rendering.gl.textures import VolumeTextures
-from napari_unpack.rendering.gl.uniforms import Leaps, assign, plane_uniforms, ray_uniforms
+from napari_unpack.rendering.gl.uniforms import Leaps, plane_uniforms, ray_uniforms
 
 # One layer a channel of an RGBA target.
 LAYERS_A_PASS = 4
@@ -34,7 +34,7 @@ class ObjectIdPass:
         self.passes = 0
         self.visible = IdTable()
         self.leaps = Leaps()
-        self._programs: dict[int, gloo.Program] = {}
+        self._programs = Programs()
 
     def draw(
         self,
@@ -89,12 +89,8 @@ class ObjectIdPass:
             }
         )
         for i, first in enumerate(range(0, layers, LAYERS_A_PASS)):
-            if i not in self._programs:
-                self._programs[i] = compiled("object_id.frag", {"FOUND": i})
-            program = self._programs[i]
             found = {f"u_found_{j}": targets[j].textures[0] for j in range(i)}
             wanted = {"u_wanted": float(min(LAYERS_A_PASS, layers - first))}
-            assign(program, shared | found | wanted)
-            with targets[i].drawing():
-                program.draw("triangle_strip")
+            program = pixel_program(self._programs, "object_id.glsl", {"FOUND": i})
+            program.run(targets[i], shared | found | wanted)
             self.passes += 1

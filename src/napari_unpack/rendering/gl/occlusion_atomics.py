@@ -1,4 +1,4 @@
-"""Occlusion counts in one pass with atomic counters, where OpenGL is 4.3 or newer.
+"""Occlusion counts in one pass with atomic counters, in a compute shader.
 
 The paper's second method, extended: the same walk also tells who blocks whom.
 """
@@ -10,19 +10,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from vispy import gloo
 
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.geometry.rays import Rays
-from napari_unpack.rendering.gl.framebuffer import Target, current_context
-from napari_unpack.rendering.gl.programs import compiled
+from napari_unpack.rendering.gl.compute_program import ComputeProgram, computed
 from napari_unpack.rendering.gl.textures import VolumeTextures
 from napari_unpack.rendering.gl.uniforms import Leaps, assign, plane_uniforms, ray_uniforms
-
-# OpenGL with shader storage buffers and their atomics.
-NEEDED = (4, 3)
-
-VERSION = "430 compatibility"
 
 
 class RayTooCrowdedError(RuntimeError):
@@ -41,11 +34,10 @@ class OcclusionAtomics:
     def __init__(self) -> None:
         self.passes = 0
         self.leaps = Leaps()
-        self._program: gloo.Program | None = None
+        self._program: ComputeProgram | None = None
 
     def count(
         self,
-        target: Target,
         textures: VolumeTextures,
         rays: Rays,
         visible: NDArray[np.bool_],
@@ -55,8 +47,6 @@ class OcclusionAtomics:
 
         Parameters
         ----------
-        target : Target
-            One channel, of the rays' size; what is drawn there means nothing.
         textures, rays, visible, occupied
             As in `ObjectIdPass.draw`; at most 4096 visible objects, whose
             pairs are numbered by 32-bit integers.
@@ -75,7 +65,7 @@ class OcclusionAtomics:
         from OpenGL import GL
 
         if self._program is None:
-            self._program = compiled("count_occluded.frag", version=VERSION)
+            self._program = computed("count_occluded.comp")
         candidates = np.flatnonzero(visible)
         n = len(candidates)
         slots = np.full(len(visible), -1, np.int32)
@@ -87,19 +77,14 @@ class OcclusionAtomics:
             | self.leaps.uniforms(occupied)
             | {"u_objects": float(n)},
         )
-        context = current_context()
-        # As bound in shaders/passes/count_occluded.frag; the last counter tells of overflow.
+        # As bound in shaders/passes/count_occluded.comp; the last counter tells of overflow.
         buffers = [
             new_buffer(0, slots),
             new_buffer(1, np.zeros(5 * n + 1, np.uint32)),
             new_buffer(2, np.zeros(n * n // 32 + 1, np.uint32)),
         ]
         try:
-            with target.drawing():
-                self._program.draw("triangle_strip")
-                context.flush_commands()
-                # Atomics are visible to reads from the CPU only behind a barrier.
-                GL.glMemoryBarrier(GL.GL_BUFFER_UPDATE_BARRIER_BIT)
+            self._program.run((0, 0, rays.size[1], rays.size[0]))
             self.passes += 1
             counters = read_buffer(buffers[1], 5 * n + 1)
             words = read_buffer(buffers[2], n * n // 32 + 1)
@@ -108,21 +93,6 @@ class OcclusionAtomics:
         if counters[-1]:
             raise RayTooCrowdedError("a ray meets more objects than the shader remembers")
         return _counts(counters[:-1].reshape(5, n), words, candidates, len(visible))
-
-
-def supported(blocks: int = 3) -> bool:
-    """Whether the current context has what this needs: so many shader storage blocks."""
-    from OpenGL import GL
-
-    current_context().flush_commands()
-    text = GL.glGetString(GL.GL_VERSION)
-    words = (text.decode() if isinstance(text, bytes) else str(text)).split(" ")[0].split(".")
-    version = tuple(int(word) for word in words[:2] if word.isdigit())
-    if len(version) < 2 or version < NEEDED:
-        return False
-    # Drivers of this version may still offer fragment shaders no storage blocks at all.
-    most = int(np.asarray(GL.glGetIntegerv(GL.GL_MAX_FRAGMENT_SHADER_STORAGE_BLOCKS)).max())
-    return most >= blocks
 
 
 def _counts(

@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import resources
-from typing import Any
+from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -21,6 +21,8 @@ from napari_unpack.rendering.gl.memory import TABLES, memory_counter
 INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
 # Line n of the i-th file is numbered i * STRIDE + n: drivers and vispy keep numbers, not names.
 STRIDE = 100_000
+
+Made = TypeVar("Made")
 
 
 @dataclass(frozen=True)
@@ -78,10 +80,11 @@ def load(
         If files include each other in a circle.
     """
     files: list[str] = [path]
+    # GLSL 1.20, section 3.3: the line after `#line n` is n + 1; from 3.30 on it is n.
+    first = 1 if version is not None and int(version.split()[0]) >= 330 else 0
 
     def expand(name: str, above: tuple[str, ...]) -> list[str]:
-        base = (files.index(name) + 1) * STRIDE
-        # GLSL 1.20, section 3.3: the line after `#line n` is n + 1.
+        base = (files.index(name) + 1) * STRIDE + first
         lines = [f"#line {base}"]
         for number, line in enumerate(read(name).splitlines(), start=1):
             match = INCLUDE.match(line)
@@ -112,7 +115,22 @@ class Programs:
     """Passes compiled once a GL context, for all that draw there."""
 
     def __init__(self) -> None:
-        self._made: WeakKeyDictionary[Any, dict[object, gloo.Program]] = WeakKeyDictionary()
+        self._made: WeakKeyDictionary[Any, dict[object, Any]] = WeakKeyDictionary()
+
+    def kept(self, key: object, make: Callable[[], Made]) -> Made:
+        """Return what was made for a key in the current context, made now or earlier.
+
+        Parameters
+        ----------
+        key : hashable
+        make : callable
+            Compiles it.
+        """
+        made = self._made.setdefault(namespace(), {})
+        if key not in made:
+            made[key] = make()
+        found: Made = made[key]
+        return found
 
     def here(
         self,
@@ -128,11 +146,8 @@ class Programs:
             File names below `shaders/passes/`.
         defines : mapping of str to object, optional
         """
-        made = self._made.setdefault(namespace(), {})
         key = fragment, vertex, *sorted((defines or {}).items())
-        if key not in made:
-            made[key] = compiled(fragment, defines, vertex)
-        return made[key]
+        return self.kept(key, lambda: compiled(fragment, defines, vertex))
 
 
 def compiled(

@@ -1,32 +1,29 @@
-"""The tinted image, drawn by shaders/passes/tinted_volume.frag into a frame buffer."""
+"""The tinted image, computed by shaders/passes/tinted_volume.glsl into a frame buffer."""
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from vispy import gloo
 
 from napari_unpack.geometry.axes import flip
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.geometry.shading import UNLIT, Shading
+from napari_unpack.rendering.gl.compute_program import PixelWindow
 from napari_unpack.rendering.gl.framebuffer import Target, renderer
 from napari_unpack.rendering.gl.lookup_tables import IdTable, TransferTable
 from napari_unpack.rendering.gl.offscreen import is_software_renderer
+from napari_unpack.rendering.gl.pixel_program import pixel_program
 from napari_unpack.rendering.gl.programs import Programs
 from napari_unpack.rendering.gl.textures import VolumeTextures
-from napari_unpack.rendering.gl.uniforms import Leaps, assign, plane_uniforms, ray_uniforms
+from napari_unpack.rendering.gl.uniforms import Leaps, plane_uniforms, ray_uniforms
 from napari_unpack.rendering.gl.voxel_buffer import VoxelBuffer
 
 # Samples that a software rasteriser takes before it asks for empty bricks again.
 #
 # Eight pixels go there in step, and wait where one goes on alone; on hardware they do not.
 RUN = 6.0
-
-# First column, first row, width and height of a part of an image, as GL's scissors take it.
-PixelWindow = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,14 +136,11 @@ class TintedPass:
         density = textures.density
         buffered = isinstance(density, VoxelBuffer)
         defines = {name: 1 for name, on in (("SHADED", shaded), ("VOXELS", buffered)) if on}
-        program = self._programs.here("tinted_volume.frag", defines)
-        voxels = density.bound(program) if isinstance(density, VoxelBuffer) else nullcontext()
-        assign(
-            program,
+        uniforms = (
             ray_uniforms(rays, textures)
             | plane_uniforms(clipping)
             | self.leaps.uniforms(occupied)
-            | ({} if buffered else {"u_density": density})
+            | {"u_voxels" if buffered else "u_density": density}
             | {
                 "u_tints": self.tints.update(look.tints),
                 "u_tint_rows": float(self.tints.rows),
@@ -159,12 +153,7 @@ class TintedPass:
                 "u_steepness": scale / floor,
                 "u_jitter": float(jitter),
                 "u_run": self._run,
-            },
+            }
         )
-        with voxels, target.drawing():
-            if window is not None:
-                gloo.set_state(scissor_test=True)
-                gloo.set_scissor(*window)
-            program.draw("triangle_strip")
-            gloo.set_state(scissor_test=False)
+        pixel_program(self._programs, "tinted_volume.glsl", defines).run(target, uniforms, window)
         self.passes += 1

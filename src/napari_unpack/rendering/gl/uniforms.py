@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -158,12 +158,20 @@ def _exact_distances(occupied: NDArray[np.bool_], far: int) -> NDArray[np.int16]
     return signed
 
 
-def assign(program: gloo.Program, uniforms: Uniforms) -> None:
+class TakesUniforms(Protocol):
+    """A program of gloo's or a compute program."""
+
+    def __contains__(self, name: str) -> bool: ...
+
+    def __setitem__(self, name: str, value: Any) -> None: ...
+
+
+def assign(program: TakesUniforms, uniforms: Uniforms) -> None:
     """Set the uniforms that a program has, and leave the others.
 
     Parameters
     ----------
-    program : vispy.gloo.Program
+    program : vispy.gloo.Program or ComputeProgram
     uniforms : mapping of str to value
     """
     for name, value in uniforms.items():

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vispy import gloo
 
-from napari_unpack.rendering.gl.framebuffer import current_context, renderer
+from napari_unpack.rendering.gl.framebuffer import current_context, handle_of, renderer
 from napari_unpack.rendering.gl.memory import DENSITY, memory_counter
 from napari_unpack.rendering.gl.offscreen import is_software_renderer
 
@@ -76,11 +76,10 @@ class VoxelBuffer:
         context = current_context()
         context.glir.associate(self.buffer.glir)
         context.flush_commands()
-        handle = context.shared.parser.get_object(self.buffer.id).handle
         name = GL.glGenTextures(1)
         GL.glActiveTexture(GL.GL_TEXTURE0 + UNIT)
         GL.glBindTexture(GL.GL_TEXTURE_BUFFER, name)
-        GL.glTexBuffer(GL.GL_TEXTURE_BUFFER, formats[self.kind], handle)
+        GL.glTexBuffer(GL.GL_TEXTURE_BUFFER, formats[self.kind], handle_of(self.buffer))
         GL.glActiveTexture(GL.GL_TEXTURE0)
         # gloo's own assignment knows no such sampler.
         unit = np.array([UNIT], np.int32)

@@ -11,6 +11,8 @@
 // cpu twin: appearance/interference_graph.py (interference)
 // test:     tests/rendering/gl/test_interference_pass.py
 
+#include "lib/invocation.glsl"
+
 #define MOST_NEAR 64
 
 layout(std430, binding = 0) readonly buffer Ids { uint ids[]; };
@@ -92,11 +94,12 @@ void look_around(int layer, int row, int col) {
 }
 
 void main() {
+    if (OUTSIDE)
+        return;
     layers = int(u_layers);
     height = int(u_height);
     width = int(u_width);
     objects = uint(u_objects);
     for (int layer = 0; layer < layers; layer++)
-        look_around(layer, int(gl_FragCoord.y), int(gl_FragCoord.x));
-    gl_FragColor = vec4(0.0);
+        look_around(layer, int(PIXEL.y), int(PIXEL.x));
 }

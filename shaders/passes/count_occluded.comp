@@ -12,6 +12,7 @@
 // cpu twin: rendering/cpu/occlusion.py (occlusion_counts)
 // test:     tests/rendering/gl/test_occlusion_atomics.py
 
+#include "lib/invocation.glsl"
 #include "lib/ray_box.glsl"
 #include "lib/skip_empty.glsl"
 #include "lib/label_lookup.glsl"
@@ -65,8 +66,10 @@ void meet(int slot) {
 }
 
 void main() {
+    if (OUTSIDE)
+        return;
     objects = int(u_objects);
-    vec2 pixel = gl_FragCoord.xy - 0.5;
+    vec2 pixel = PIXEL;
     vec3 origin = ray_origin(pixel);
     vec3 direction = ray_direction(pixel);
     vec2 range = sample_range(origin, direction, 0.5);
@@ -100,5 +103,4 @@ void main() {
         k += 1.0;
     }
     flush(current, samples);
-    gl_FragData[0] = vec4(0.0);
 }

@@ -12,6 +12,7 @@
 // cpu twin: rendering/cpu/object_ids.py
 // test:     tests/rendering/gl/test_parity.py
 
+#include "lib/pixel.glsl"
 #include "lib/ray_box.glsl"
 #include "lib/skip_empty.glsl"
 #include "lib/label_lookup.glsl"
@@ -72,8 +73,10 @@ bool found_before(vec2 uv, float id) {
 }
 
 void main() {
-    vec2 pixel = gl_FragCoord.xy - 0.5;
-    vec2 uv = gl_FragCoord.xy / u_size;
+    if (OUTSIDE)
+        return;
+    vec2 pixel = PIXEL;
+    vec2 uv = (pixel + 0.5) / u_size;
     vec3 origin = ray_origin(pixel);
     vec3 direction = ray_direction(pixel);
     vec2 range = sample_range(origin, direction, 0.5);
@@ -105,5 +108,5 @@ void main() {
         else ids.w = id;
         count += 1.0;
     }
-    gl_FragData[0] = ids;
+    WRITE_0(ids);
 }

@@ -17,6 +17,7 @@
 #ifdef VOXELS
 #extension GL_EXT_gpu_shader4 : require
 #endif
+#include "lib/pixel.glsl"
 #include "lib/ray_box.glsl"
 #include "lib/skip_empty.glsl"
 #include "lib/label_lookup.glsl"
@@ -40,7 +41,9 @@ uniform float u_jitter;
 uniform float u_run;
 
 void main() {
-    vec2 pixel = gl_FragCoord.xy - 0.5;
+    if (OUTSIDE)
+        return;
+    vec2 pixel = PIXEL;
     vec3 origin = ray_origin(pixel);
     vec3 direction = ray_direction(pixel);
     float phase = u_jitter > 0.5 ? jittered_phase(pixel) : 0.5;
@@ -113,6 +116,6 @@ void main() {
             left -= 1.0;
         } while (left > 0.0);
     }
-    gl_FragData[0] = sum;
-    gl_FragData[1] = vec4(depth);
+    WRITE_0(sum);
+    WRITE_1(vec4(depth));
 }

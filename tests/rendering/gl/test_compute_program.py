@@ -1,0 +1,93 @@
+"""Compute shaders beside gloo's programs: which pixels they write, and what they leave behind."""
+
+import os
+
+import numpy as np
+import pytest
+from vispy import gloo
+
+from napari_unpack.rendering.gl import compute_program
+from napari_unpack.rendering.gl.compute_program import VERSION, ComputeProgram
+from napari_unpack.rendering.gl.framebuffer import Target
+from napari_unpack.rendering.gl.pixel_program import ComputedPixels, FragmentProgram
+from napari_unpack.rendering.gl.programs import ShaderError, linked, load, read
+
+PLACES = """#include "lib/pixel.glsl"
+uniform float u_offset;
+uniform sampler2D u_added;
+void main() {
+    if (OUTSIDE)
+        return;
+    WRITE_0(vec4(PIXEL, u_offset, texture2D(u_added, vec2(0.5)).r));
+    WRITE_1(vec4(PIXEL.y - PIXEL.x));
+}
+"""
+
+
+@pytest.fixture
+def compute(gl):
+    if not compute_program.supported():
+        if os.environ.get("UNPACK_REQUIRE_GL") == "1":
+            pytest.fail("this driver has no compute shaders (OpenGL 4.3)")
+        pytest.skip("this driver has no compute shaders (OpenGL 4.3)")
+
+
+def source(code, **options):
+    return load(
+        "passes/probe", read=lambda path: code if "probe" in path else read(path), **options
+    )
+
+
+def drawn():
+    program = linked(load("passes/fullscreen.vert"), source(PLACES))
+    program["a_position"] = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]], np.float32)
+    return FragmentProgram(program)
+
+
+def computed():
+    return ComputedPixels(ComputeProgram(source(PLACES, defines={"COMPUTE": 1}, version=VERSION)))
+
+
+def uniforms(offset):
+    added = np.full((1, 1, 1), 7, np.float32)
+    texture = gloo.Texture2D(added, internalformat="r32f", interpolation="nearest")
+    return {"u_offset": offset, "u_added": texture, "u_unknown": 1.0}
+
+
+@pytest.mark.parametrize("make", [drawn, computed])
+def test_every_pixel_of_any_size_knows_its_place(compute, make):
+    target = Target((13, 21), (4, 1))
+    make().run(target, uniforms(0.25))
+    rows, columns = np.indices((13, 21))
+    np.testing.assert_array_equal(
+        target.read(0), np.stack([columns, rows, 0.25 + 0 * rows, 7 + 0 * rows], axis=-1)
+    )
+    np.testing.assert_array_equal(target.read(1)[..., 0], rows - columns)
+
+
+@pytest.mark.parametrize("make", [drawn, computed])
+def test_pixels_outside_the_window_stay_as_they_are(compute, make):
+    target, program = Target((13, 21), (4, 1)), make()
+    program.run(target, uniforms(1.0))
+    program.run(target, uniforms(2.0), (3, 2, 10, 9))
+    again = np.full((13, 21), 1.0)
+    again[2:11, 3:13] = 2.0
+    np.testing.assert_array_equal(target.read(0)[..., 2], again)
+    rows, columns = np.indices((13, 21))
+    np.testing.assert_array_equal(target.read(0)[..., 0], columns)
+    np.testing.assert_array_equal(target.read(1)[..., 0], rows - columns)
+
+
+def test_gloo_draws_with_its_own_program_again_after(compute):
+    target, by_gloo, ours = Target((4, 5), (4, 1)), drawn(), computed()
+    for offset in (1.0, 3.0):
+        by_gloo.run(target, uniforms(offset))
+        np.testing.assert_array_equal(target.read(0)[..., 2], offset)
+        ours.run(target, uniforms(offset + 1))
+        np.testing.assert_array_equal(target.read(0)[..., 2], offset + 1)
+
+
+def test_a_wrong_compute_shader_is_reported_by_our_file_and_line(compute):
+    code = PLACES.replace("PIXEL.y - PIXEL.x", "nothing")
+    with pytest.raises(ShaderError, match=r"passes/probe:8\b"):
+        ComputeProgram(source(code, defines={"COMPUTE": 1}, version=VERSION))
