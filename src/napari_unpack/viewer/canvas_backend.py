@@ -20,9 +20,10 @@ from napari_unpack.rendering.casting import TABLE_ENTRIES, rays_for
 from napari_unpack.rendering.gl import formats, framebuffer
 from napari_unpack.rendering.gl.cached_pass import TintedCaster, Where
 from napari_unpack.rendering.gl.depth_quads import ImageTexture
+from napari_unpack.rendering.gl.framebuffer import PixelWindow
 from napari_unpack.rendering.gl.offscreen import is_software_renderer
 from napari_unpack.rendering.gl.programs import Programs
-from napari_unpack.rendering.gl.tinted_pass import Appearance, PixelWindow
+from napari_unpack.rendering.gl.tinted_pass import Appearance
 from napari_unpack.rendering.gl.volume_store import VolumeStore
 from napari_unpack.rendering.image_patch import window_of
 from napari_unpack.rendering.scene import LIGHT

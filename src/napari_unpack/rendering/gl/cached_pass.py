@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.rays import Rays
-from napari_unpack.rendering.gl.compute_program import PixelWindow
 from napari_unpack.rendering.gl.depth_quads import ImageTexture
-from napari_unpack.rendering.gl.framebuffer import Targets, namespace
+from napari_unpack.rendering.gl.framebuffer import PixelWindow, Targets, namespace
 from napari_unpack.rendering.gl.programs import Programs
 from napari_unpack.rendering.gl.tinted_pass import Appearance, TintedPass
 from napari_unpack.rendering.gl.volume_store import VolumeStore

@@ -11,7 +11,13 @@ from typing import Any
 import numpy as np
 from vispy import gloo
 
-from napari_unpack.rendering.gl.framebuffer import current_context, handle_of, namespace, renderer
+from napari_unpack.rendering.gl.framebuffer import (
+    PixelWindow,
+    current_context,
+    handle_of,
+    namespace,
+    renderer,
+)
 from napari_unpack.rendering.gl.offscreen import is_software_renderer
 from napari_unpack.rendering.gl.programs import ShaderError, ShaderSource, load
 
@@ -20,9 +26,6 @@ NEEDED = (4, 3)
 VERSION = "430 compatibility"
 # Sides of a square of invocations, as in shaders/lib/invocation.glsl.
 SIDE = 8
-
-# First column, first row, width and height of a part of an image, pixels.
-PixelWindow = tuple[int, int, int, int]
 
 
 class ComputeProgram:

@@ -23,6 +23,9 @@ NO_DEPTH = 1.0e30
 # A driver keeps a few errors; one that lost its context never runs out of them.
 MOST_COMPLAINTS = 8
 
+# First column, first row, width and height of a part of an image, pixels.
+PixelWindow = tuple[int, int, int, int]
+
 
 class Target:
     """A frame buffer with float textures of one size, living in the context it was made in.

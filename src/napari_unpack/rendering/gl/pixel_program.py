@@ -9,8 +9,8 @@ from typing import Protocol
 from vispy import gloo
 
 from napari_unpack.rendering.gl import compute_program
-from napari_unpack.rendering.gl.compute_program import ComputeProgram, PixelWindow, computed
-from napari_unpack.rendering.gl.framebuffer import Target
+from napari_unpack.rendering.gl.compute_program import ComputeProgram, computed
+from napari_unpack.rendering.gl.framebuffer import PixelWindow, Target
 from napari_unpack.rendering.gl.programs import Programs, compiled
 from napari_unpack.rendering.gl.uniforms import Uniforms, assign
 from napari_unpack.rendering.gl.voxel_buffer import VoxelBuffer

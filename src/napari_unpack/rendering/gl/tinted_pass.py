@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from napari_unpack.geometry.axes import flip
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.geometry.shading import UNLIT, Shading
-from napari_unpack.rendering.gl.compute_program import PixelWindow
-from napari_unpack.rendering.gl.framebuffer import Target, renderer
+from napari_unpack.rendering.gl.framebuffer import PixelWindow, Target, renderer
 from napari_unpack.rendering.gl.lookup_tables import IdTable, TransferTable
 from napari_unpack.rendering.gl.offscreen import is_software_renderer
 from napari_unpack.rendering.gl.pixel_program import pixel_program
