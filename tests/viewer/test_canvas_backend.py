@@ -12,7 +12,7 @@ from counted_passes import assert_camera_hue_and_transfer_function_each_cast_ane
 from napari_unpack.geometry.boxes import differing_box
 from napari_unpack.layers import compat
 from napari_unpack.layers.rendered_image import CanvasImage, RenderedImage
-from napari_unpack.rendering.gl import programs, textures
+from napari_unpack.rendering.gl import compute_program, programs, textures
 from napari_unpack.rendering.gl import programs as shader_source
 from napari_unpack.rendering.gl.programs import ShaderError
 from napari_unpack.session import ObjectState
@@ -46,8 +46,22 @@ def no_error(viewer) -> bool:
     return GL.glGetError() == GL.GL_NO_ERROR
 
 
-def test_gl_shows_what_the_cpu_shows_at_rest_and_in_the_air(by_gl, session, qtbot) -> None:
-    viewer, controller = by_gl
+@pytest.fixture
+def computed(monkeypatch):
+    """Cast with compute shaders, as on a card."""
+    monkeypatch.setattr(compute_program, "preferred", lambda: True)
+    monkeypatch.setattr(textures, "serves_best", lambda _: False)
+
+
+def test_gl_shows_what_the_cpu_shows_at_rest_and_in_the_air(by_gl, session) -> None:
+    gl_and_the_cpu_show_the_same_at_rest_and_in_the_air(*by_gl, session)
+
+
+def test_compute_shaders_show_what_the_cpu_shows_too(computed, by_gl, session) -> None:
+    gl_and_the_cpu_show_the_same_at_rest_and_in_the_air(*by_gl, session)
+
+
+def gl_and_the_cpu_show_the_same_at_rest_and_in_the_air(viewer, controller, session) -> None:
     the_bag_at_rest_is_the_cpus_picture(viewer, controller)
     controller.backend = "gl"
     assert controller.settle(30)

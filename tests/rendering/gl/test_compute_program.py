@@ -9,8 +9,12 @@ from vispy import gloo
 from napari_unpack.rendering.gl import compute_program
 from napari_unpack.rendering.gl.compute_program import VERSION, ComputeProgram
 from napari_unpack.rendering.gl.framebuffer import Target
-from napari_unpack.rendering.gl.pixel_program import ComputedPixels, FragmentProgram
-from napari_unpack.rendering.gl.programs import ShaderError, linked, load, read
+from napari_unpack.rendering.gl.pixel_program import (
+    ComputedPixels,
+    FragmentProgram,
+    pixel_program,
+)
+from napari_unpack.rendering.gl.programs import Programs, ShaderError, linked, load, read
 
 PLACES = """#include "lib/pixel.glsl"
 uniform float u_offset;
@@ -91,3 +95,14 @@ def test_a_wrong_compute_shader_is_reported_by_our_file_and_line(compute):
     code = PLACES.replace("PIXEL.y - PIXEL.x", "nothing")
     with pytest.raises(ShaderError, match=r"passes/probe:8\b"):
         ComputeProgram(source(code, defines={"COMPUTE": 1}, version=VERSION))
+
+
+def test_a_pass_whose_compute_shader_is_refused_is_drawn(compute, monkeypatch):
+    monkeypatch.setattr(compute_program, "preferred", lambda: True)
+    programs, defines = Programs(), {"FOUND": 0}
+    assert isinstance(pixel_program(programs, "object_id.glsl", defines), ComputedPixels)
+    assert pixel_program(programs, "object_id.glsl", defines) is pixel_program(
+        programs, "object_id.glsl", defines
+    )
+    monkeypatch.setattr(compute_program, "VERSION", "430 core")
+    assert isinstance(pixel_program(Programs(), "object_id.glsl", defines), FragmentProgram)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from typing import Protocol
 
 from vispy import gloo
@@ -11,7 +11,7 @@ from vispy import gloo
 from napari_unpack.rendering.gl import compute_program
 from napari_unpack.rendering.gl.compute_program import ComputeProgram, computed
 from napari_unpack.rendering.gl.framebuffer import PixelWindow, Target
-from napari_unpack.rendering.gl.programs import Programs, compiled
+from napari_unpack.rendering.gl.programs import Programs, ShaderError, compiled
 from napari_unpack.rendering.gl.uniforms import Uniforms, assign
 from napari_unpack.rendering.gl.voxel_buffer import VoxelBuffer
 
@@ -96,6 +96,13 @@ def pixel_program(
     """
     key = shader, *sorted((defines or {}).items())
     # Software reads a buffer of voxels, which compute shaders here do not.
-    if compute_program.preferred() and "VOXELS" not in (defines or {}):
-        return programs.kept(("compute", *key), lambda: ComputedPixels(computed(shader, defines)))
-    return programs.kept(key, lambda: FragmentProgram(compiled(shader, defines)))
+    wanted = compute_program.preferred() and "VOXELS" not in (defines or {})
+
+    def made() -> PixelProgram:
+        if wanted:
+            # Drivers that say they have compute shaders may still refuse this one.
+            with suppress(ShaderError):
+                return ComputedPixels(computed(shader, defines))
+        return FragmentProgram(compiled(shader, defines))
+
+    return programs.kept((wanted, *key), made)
