@@ -46,7 +46,13 @@ class FragmentProgram:
         self._program = program
 
     def run(self, target: Target, uniforms: Uniforms, window: PixelWindow | None = None) -> None:
-        """See `PixelProgram`."""
+        """Compute the pixels of a window, by default all.
+
+        Parameters
+        ----------
+        target, uniforms, window
+            As `PixelProgram` takes them.
+        """
         held = uniforms.get("u_voxels")
         voxels = held.bound(self._program) if isinstance(held, VoxelBuffer) else nullcontext()
         assign(self._program, {k: v for k, v in uniforms.items() if v is not held})
@@ -70,7 +76,13 @@ class ComputedPixels:
         self._program = program
 
     def run(self, target: Target, uniforms: Uniforms, window: PixelWindow | None = None) -> None:
-        """See `PixelProgram`."""
+        """Compute the pixels of a window, by default all.
+
+        Parameters
+        ----------
+        target, uniforms, window
+            As `PixelProgram` takes them.
+        """
         assign(self._program, uniforms)
         height, width = target.size
         self._program.run(window or (0, 0, width, height), target.textures)
