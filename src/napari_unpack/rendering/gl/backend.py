@@ -22,6 +22,7 @@ from napari_unpack.geometry.rays import Rays
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.rendering.gl import compute_program, offscreen
 from napari_unpack.rendering.gl.framebuffer import NO_DEPTH, Target, Targets
+from napari_unpack.rendering.gl.host_memory import HostMemory
 from napari_unpack.rendering.gl.interference_pass import InterferencePass
 from napari_unpack.rendering.gl.object_id_pass import LAYERS_A_PASS, MOST_LAYERS, ObjectIdPass
 from napari_unpack.rendering.gl.occlusion_atomics import OcclusionAtomics, RayTooCrowdedError
@@ -266,8 +267,10 @@ def tinted(
             jitter,
             clipping,
         )
-        image, depth = target.read(0), target.read(1)[:, :, 0]
-    return image, np.where(depth < NO_DEPTH, depth, np.float32(np.inf))
+        image = target.read(0, workspace.memory)
+        depth = target.read(1, workspace.memory)[:, :, 0]
+    np.copyto(depth, np.float32(np.inf), where=depth >= NO_DEPTH)
+    return image, depth
 
 
 def forget(array: NDArray[Any] | None = None) -> None:
@@ -292,6 +295,7 @@ class Workspace:
         self.counting_targets = Targets((1,), keep=1)
         self.run_targets = [Targets(OcclusionPass.channels, keep=1) for _ in range(2)]
         self.tinted_targets = Targets(TintedPass.channels)
+        self.memory = HostMemory()
         self._id_targets: dict[int, Targets] = {}
         self._kept: dict[tuple[int, int], tuple[Any, Any, VolumeTextures]] = {}
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from vispy import gloo
 from vispy.gloo.context import GLContext, get_current_canvas
 
+from napari_unpack.rendering.gl.host_memory import HostMemory
 from napari_unpack.rendering.gl.memory import TARGETS, memory_counter
 
 # Depth of a pixel that never became opaque, mm; the twin of shaders/lib/no_depth.glsl.
@@ -85,8 +86,16 @@ class Target:
                 context.set_viewport(*viewport)
             context.flush_commands()
 
-    def read(self, index: int = 0) -> NDArray[np.float32]:
-        """Return an attachment as an (H, W, channels) ndarray of float32, top row first."""
+    def read(self, index: int = 0, memory: HostMemory | None = None) -> NDArray[np.float32]:
+        """Return an attachment as an (H, W, channels) ndarray of float32, top row first.
+
+        Parameters
+        ----------
+        index : int
+            Of the attachment.
+        memory : HostMemory, optional
+            Where the array is to lie; by default in fresh memory.
+        """
         from OpenGL import GL
 
         context = current_context()
@@ -94,7 +103,7 @@ class Target:
         self.framebuffer.activate()
         context.flush_commands()
         GL.glReadBuffer(GL.GL_COLOR_ATTACHMENT0 + index)
-        out = np.empty((height, width, self.channels[index]), np.float32)
+        out = (memory or HostMemory()).array((height, width, self.channels[index]))
         kind = GL.GL_RGBA if self.channels[index] == 4 else GL.GL_RED
         GL.glReadPixels(0, 0, width, height, kind, GL.GL_FLOAT, out)
         GL.glReadBuffer(GL.GL_COLOR_ATTACHMENT0)
