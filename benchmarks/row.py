@@ -47,7 +47,7 @@ class Row:
         return cls(what, work, f"{NOT_MEASURED} ({why})", goal=goal)
 
 
-WAKING_SECONDS = 1.0
+WAKING_SECONDS = 4.0
 
 
 def best_ms(
@@ -68,9 +68,10 @@ def best_ms(
 
 
 def awake_ms(work: Callable[[], Any], repeats: int = 3) -> float:
-    """Return the shortest of some runs in ms, once a graphics card has worked for a second.
+    """Return the shortest of some runs in ms, once a graphics card has worked for some seconds.
 
-    An idle card runs at a fifth of its clock, and takes most of a second to notice.
+    An idle card runs at a fifth of its clock. It takes most of a second to notice work that keeps
+    it busy, and longer where it waits for the processor half the time.
     """
     begun = time.perf_counter()
     while time.perf_counter() - begun < WAKING_SECONDS:
