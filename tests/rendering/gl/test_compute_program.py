@@ -106,3 +106,16 @@ def test_a_pass_whose_compute_shader_is_refused_is_drawn(compute, monkeypatch):
     )
     monkeypatch.setattr(compute_program, "VERSION", "430 core")
     assert isinstance(pixel_program(Programs(), "object_id.glsl", defines), FragmentProgram)
+
+
+def test_a_program_that_nobody_holds_is_deleted_in_its_context(compute, gl):
+    from OpenGL import GL
+
+    names = []
+    for _ in range(3):
+        program = ComputeProgram(source(PLACES, defines={"COMPUTE": 1}, version=VERSION))
+        names.append(program.handle)
+        assert GL.glIsProgram(program.handle)
+        del program
+    gl.flush_commands()
+    assert not any(GL.glIsProgram(name) for name in names)

@@ -5,6 +5,7 @@ gloo knows vertex, geometry and fragment shaders only, so that plain GL sets the
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -36,6 +37,11 @@ class ComputeProgram:
     source : ShaderSource
         With lib/invocation.glsl.
 
+    Attributes
+    ----------
+    handle : int
+        GL's own name of it.
+
     Raises
     ------
     ShaderError
@@ -45,18 +51,23 @@ class ComputeProgram:
     def __init__(self, source: ShaderSource) -> None:
         from OpenGL import GL
 
-        current_context().flush_commands()
+        context = current_context()
+        context.flush_commands()
         shader = GL.glCreateShader(GL.GL_COMPUTE_SHADER)
         GL.glShaderSource(shader, source.code)
         GL.glCompileShader(shader)
         if not GL.glGetShaderiv(shader, GL.GL_COMPILE_STATUS):
-            raise _refused(source, GL.glGetShaderInfoLog(shader))
-        self._handle = GL.glCreateProgram()
-        GL.glAttachShader(self._handle, shader)
-        GL.glLinkProgram(self._handle)
+            log = GL.glGetShaderInfoLog(shader)
+            GL.glDeleteShader(shader)
+            raise _refused(source, log)
+        self.handle = int(GL.glCreateProgram())
+        # As gloo's own: once nobody holds it, and in its context.
+        weakref.finalize(self, _delete, weakref.ref(context.glir), self.handle).atexit = False
+        GL.glAttachShader(self.handle, shader)
+        GL.glLinkProgram(self.handle)
         GL.glDeleteShader(shader)
-        if not GL.glGetProgramiv(self._handle, GL.GL_LINK_STATUS):
-            raise _refused(source, GL.glGetProgramInfoLog(self._handle))
+        if not GL.glGetProgramiv(self.handle, GL.GL_LINK_STATUS):
+            raise _refused(source, GL.glGetProgramInfoLog(self.handle))
         self._setters = {
             1: GL.glProgramUniform1fv,
             2: GL.glProgramUniform2fv,
@@ -76,7 +87,7 @@ class ComputeProgram:
             self._textures[name] = value
             return
         numbers = np.ravel(value).astype(np.float32)
-        self._setters[numbers.size](self._handle, self._place(name), 1, numbers)
+        self._setters[numbers.size](self.handle, self._place(name), 1, numbers)
 
     def run(self, window: PixelWindow, images: Sequence[gloo.Texture2D] = ()) -> None:
         """Run it for every pixel.
@@ -98,14 +109,14 @@ class ComputeProgram:
             solid = isinstance(texture, gloo.Texture3D)
             GL.glActiveTexture(GL.GL_TEXTURE0 + unit)
             GL.glBindTexture(GL.GL_TEXTURE_3D if solid else GL.GL_TEXTURE_2D, handle_of(texture))
-            GL.glProgramUniform1i(self._handle, self._place(name), unit)
+            GL.glProgramUniform1i(self.handle, self._place(name), unit)
         GL.glActiveTexture(GL.GL_TEXTURE0)
         for unit, image in enumerate(images):
             kind = GL.GL_RGBA32F if image.internalformat == "rgba32f" else GL.GL_R32F
             GL.glBindImageTexture(unit, handle_of(image), 0, False, 0, GL.GL_WRITE_ONLY, kind)
         if "u_window" in self:
             self["u_window"] = window
-        GL.glUseProgram(self._handle)
+        GL.glUseProgram(self.handle)
         GL.glDispatchCompute(-(-window[2] // SIDE), -(-window[3] // SIDE), 1)
         # What it wrote is to be seen by whatever reads next: a pass, a read back, another canvas.
         GL.glMemoryBarrier(GL.GL_ALL_BARRIER_BITS)
@@ -117,7 +128,7 @@ class ComputeProgram:
         from OpenGL import GL
 
         if name not in self._places:
-            self._places[name] = int(GL.glGetUniformLocation(self._handle, name))
+            self._places[name] = int(GL.glGetUniformLocation(self.handle, name))
         return self._places[name]
 
 
@@ -157,6 +168,13 @@ def preferred() -> bool:
     rasteriser gains nothing.
     """
     return supported() and not is_software_renderer(renderer())
+
+
+def _delete(queue: weakref.ref[Any], handle: int) -> None:
+    """Have a program deleted when its context, whose queue this is, is next drawn in."""
+    commands = queue()
+    if commands is not None:
+        commands.command("FUNC", "glDeleteProgram", handle)
 
 
 def _refused(source: ShaderSource, log: bytes | str) -> ShaderError:
