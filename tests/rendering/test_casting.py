@@ -48,7 +48,7 @@ def test_auto_takes_the_cpu_where_gl_is_missing_or_software(monkeypatch) -> None
         chosen("gl")
 
 
-@pytest.mark.parametrize("problem", ["passes/tinted_volume.frag:41: no", "it is out of memory"])
+@pytest.mark.parametrize("problem", ["passes/tinted_volume.glsl:41: no", "it is out of memory"])
 def test_where_a_driver_refuses_auto_takes_the_cpu_and_says_why_once(monkeypatch, problem) -> None:
     from napari_unpack.rendering import backends
 

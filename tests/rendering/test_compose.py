@@ -21,6 +21,7 @@ from napari_unpack.rendering.image_patch import ImagePatch
 from napari_unpack.rendering.rulers import Ruler
 from napari_unpack.rendering.scene import Scene, SceneDifference
 from napari_unpack.session import Session
+from napari_unpack.simulation import simulate_bag
 from napari_unpack.thread_count import SETTING
 from napari_unpack.unpacking import Ball, Flight
 
@@ -244,6 +245,42 @@ def test_a_scene_shows_the_bag_what_flies_and_the_sprites() -> None:
     assert seen(later, 2) == pytest.approx(seen(full, 2), abs=0.5)
     assert full.shape == (*SIZE, 4)
     assert later[..., 3].min() == pytest.approx(1.0)
+
+
+def simulated() -> Any:
+    return simulate_bag(shape=(32, 36, 48), count=5, seed=1)
+
+
+def unpacked_bag(bag: Any, spacing: float) -> Session:
+    session = Session(bag.volume, bag.labels, (spacing,) * 3)
+    session.unpack(2)
+    return session
+
+
+@pytest.mark.parametrize("direction", [(0, 0, 1), (0, 1, 1), (1, 0, 0)])
+def test_an_angle_seen_along_its_own_line_is_drawn(direction) -> None:
+    scene = make_scene()
+    ends = np.array([[20.0, 20, 10], [20, 20, 20], [20, 20, 35]])
+    ruler = Ruler(frozenset({0}), ends, ("10 mm", "15 mm", "180"))
+    camera = View(direction=direction).camera(scene.volume.shape, scene.spacing)
+    plain = scene_image(scene, camera, SIZE)
+    image = scene_image(replace(scene, rulers=(ruler,)), camera, SIZE)
+    assert np.isfinite(image).all()
+    # Its numbers stand somewhere.
+    assert (np.abs(image - plain).max(axis=-1) > 0.1).sum() > 50
+
+
+@pytest.mark.parametrize("spacing", [1.0, 1e7, 1e9])
+def test_a_sprite_is_cast_anew_for_another_zoom_however_large_voxels_are(spacing) -> None:
+    bag = simulated()
+    camera = unpacked_bag(bag, spacing).camera
+    drawn_before = unpacked_bag(bag, spacing)
+    scene_image(drawn_before.scene(), camera, SIZE)
+    nearer = replace(camera, height=camera.height / 1.3)
+    warm = scene_image(drawn_before.scene(), nearer, SIZE)
+    np.testing.assert_allclose(
+        warm, scene_image(unpacked_bag(bag, spacing).scene(), nearer, SIZE), atol=1e-3
+    )
 
 
 @pytest.mark.parametrize("fov", [0.0, 60.0])

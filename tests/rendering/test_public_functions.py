@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tracemalloc
+import warnings
 
 import numpy as np
 import pytest
@@ -241,6 +242,51 @@ def test_fitting_arrays_are_not_copied() -> None:
     array = row_of(1, 2)
     assert checked_labels(array).array is array
     assert checked_volume(array) is array
+
+
+def test_densities_beyond_single_precision_count_as_the_most_there_is() -> None:
+    volume = np.full((2, 2, 2), 5.0)
+    volume[0, 0, 0], volume[0, 0, 1], volume[0, 1, 0] = 1e300, -1e300, np.inf
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = checked_volume(volume)
+        alike = checked_volume(np.full((2, 2, 2), 1e300))
+    most = found[0, 0, 0]
+    assert 1e30 < most < np.inf
+    assert found[0, 0, 1] == -most
+    assert found[0, 1, 0] == most
+    assert found[1, 1, 1] == 5
+    assert (alike == most).all()
+
+
+@pytest.mark.parametrize("backend", ["cpu", "gl"])
+@pytest.mark.parametrize("domain", [(5.0, 1.0), (5.0, 5.0), (np.nan, 1.0), (0.0, np.inf)])
+def test_a_transfer_function_over_no_domain_is_refused(domain, backend) -> None:
+    class Odd(Fog):
+        pass
+
+    Odd.domain = domain
+    labels = row_of(1, 2)
+    with pytest.raises(ValueError, match="domain"):
+        rendering.render(labels, labels, transfer_function=Odd(), size=(3, 3), backend=backend)
+    with pytest.raises(ValueError, match="domain"):
+        rendering.pick(labels, labels, transfer_function=Odd(), size=(3, 3))
+
+
+@pytest.mark.parametrize("backend", ["cpu", "gl"])
+def test_arrays_changed_in_place_are_looked_at_anew(backend) -> None:
+    labels = row_of(1, 0, 2)
+    volume = (labels > 0).astype(np.float32)
+    shown = {"size": (8, 8), "backend": backend}
+    before = rendering.render(volume, labels, transfer_function=Fog(), **shown)
+    assert rendering.object_id_layers(labels, **shown)[0].max() == 1
+    labels[labels == 1] = 3
+    volume[labels == 3] = np.nan
+    assert rendering.object_id_layers(labels, **shown)[0].max() == 3
+    assert sorted(rendering.occlusion_ratios(labels, **shown)) == [2, 3]
+    hidden = {"tints": {3: (1, 0, 0)}, "transfer_function": Fog()}
+    after = rendering.render(volume, labels, **hidden, **shown)
+    assert after[4, 4, 1] < 0.9 * before[4, 4, 1]
 
 
 def test_densities_stay_so_far_below_the_largest_float_that_their_gradients_are_finite() -> None:

@@ -178,7 +178,7 @@ def test_resize_reopening_and_a_layer_removed_break_nothing(by_gl, session, qtbo
 
 @pytest.mark.parametrize(
     ("problem", "words"),
-    [(ShaderError, "tinted_volume.frag:3: no"), (MemoryError, "it is out of memory")],
+    [(ShaderError, "tinted_volume.glsl:3: no"), (MemoryError, "it is out of memory")],
 )
 def test_where_gl_fails_the_cpu_takes_over_and_says_so_once(
     staged, monkeypatch, problem, words, qtbot

@@ -52,7 +52,9 @@ def test_a_card_without_a_window_is_tried_once_by_a_child_before_it_draws(
         made = SimpleNamespace(renderer=card, version="1.0")
         monkeypatch.setattr(offscreen, "Offscreen", lambda made=made: made)
         reason = f"{card} cannot draw: {said[card]}"
-        assert offscreen.probe.__wrapped__() == ((None, reason) if said[card] else (made, None))
+        assert offscreen.first_context.__wrapped__() == (
+            (None, reason) if said[card] else (made, None)
+        )
     # One that was late may have been on a busy machine.
     assert asked == ["card", "other", "busy", "busy"]
 

@@ -45,6 +45,16 @@ from napari_unpack.rendering.validation import (
 from napari_unpack.unpacking.occlusion import Definition, ratios
 
 
+def _given(labels: ArrayLike) -> Labels:
+    """Check labels; the array is one of its own, over the same memory.
+
+    A graphics card knows arrays by identity, and the caller's may be changed in place between
+    calls. A session, which announces its changes, sends them once.
+    """
+    given = checked_labels(labels)
+    return replace(given, array=given.array.view())
+
+
 def interference_in(
     ids: ArrayLike, distance: float = 5, layers: int | None = None, backend: str = "auto"
 ) -> nx.Graph:
@@ -123,7 +133,7 @@ def object_id_layers(
         raise ValueError(f"layers must be a positive integer, got {layers!r}")
     # int64 for large IDs, beside the kernels' int32.
     pixels = checked_size(size, 12 * int(layers))
-    given, mm = checked_labels(labels), checked_spacing(spacing)
+    given, mm = _given(labels), checked_spacing(spacing)
     if peeling not in PEELINGS:
         raise ValueError(f"peeling must be one of {PEELINGS}, got {peeling!r}")
     camera = checked_view(view).camera(given.array.shape, mm)
@@ -221,13 +231,14 @@ def render(
     TypeError, ValueError
         If an argument is not as above.
     """
-    given, mm, pixels = checked_labels(labels), checked_spacing(spacing), checked_size(size)
-    density = checked_volume(volume, given.array.shape)
+    given, mm, pixels = _given(labels), checked_spacing(spacing), checked_size(size)
+    density = checked_volume(volume, given.array.shape).view()
     camera = checked_view(view).camera(given.array.shape, mm)
     scale, planes = step_scale(step, mm), checked_planes(clipping)
     around = Decorations.of((0, 0, 0, 0) if background is None else background, decorations)
+    look = checked_look(transfer_function or default_for(volume, density))
     image, depth = cast_tinted(
-        density, given.array, mm, camera, transfer_function or default_for(volume, density),
+        density, given.array, mm, camera, look,
         given.tints(tints, hidden), pixels,
         step_scale=scale, shading=shading, bricks=Bricks.of(given.array, density),
         jitter=jitter, clipping=planes, backend=backend,
@@ -293,7 +304,7 @@ def pick(
     camera = checked_view(view).camera(given.array.shape, mm)
     rays = rays_for(camera, pixels, mm, step_scale=step_scale(step, mm), window=(row, col, 1, 1))
     # The same function as `render` takes, or a click would pick what is not seen.
-    look = transfer_function or default_for(volume, density)
+    look = checked_look(transfer_function or default_for(volume, density))
     shares = contributions(
         density, given.array, rays, mm, look.table(TABLE_ENTRIES), look.domain,
         given.tints(tints, hidden), clipping=checked_planes(clipping),
@@ -319,6 +330,22 @@ def default_for(
     if given.dtype.kind == "f" and not (known := np.isfinite(given)).all():
         measured = given if given.dtype == np.float32 else np.where(known, density, np.nan)
     look: TransferFunctionLike = TransferFunction.default_for(measured)
+    return look
+
+
+def checked_look(look: TransferFunctionLike) -> TransferFunctionLike:
+    """Check what a transfer function covers.
+
+    Raises
+    ------
+    ValueError
+        If its domain is not two finite densities, low before high.
+    """
+    low, high = look.domain
+    if not -np.inf < low < high < np.inf:
+        raise ValueError(
+            f"transfer_function must have a domain (low, high), low below high, got {look.domain!r}"
+        )
     return look
 
 
@@ -399,7 +426,7 @@ def occlusion(
     TypeError, ValueError
         If an argument is not as above.
     """
-    given = checked_labels(labels)
+    given = _given(labels)
     return _renamed(_counted(given, spacing, view, size, hidden, backend, step, boxes), given)
 
 
@@ -459,7 +486,7 @@ def occlusion_ratios(
         raise ValueError(f"definition must be one of {DEFINITIONS}, got {definition!r}")
     if method not in METHODS:
         raise ValueError(f"method must be one of {METHODS}, got {method!r}")
-    given = checked_labels(labels)
+    given = _given(labels)
     if method == "queries":
         if definition != "first_hit":
             raise ValueError(f'method "queries" measures "first_hit" alone, got {definition!r}')

@@ -320,7 +320,7 @@ def _placed_sprite(
     # Near the eye a sprite is far larger than the image: only what is in the image is cast.
     down, right = _reach(scene, object_id, pose, resolution)
     part = (-row, -col, *size) if 2 * down >= size[0] or 2 * right >= size[1] else None
-    key = ("sprite", appearance.key, *held, round(resolution, 6), part)
+    key = ("sprite", appearance.key, *held, f"{resolution:.7g}", part)
     patch: ImagePatch = scene.subvolumes.keep(
         key, lambda: sprite_image(scene, object_id, pose, resolution, 1.0, backend, shading, part)
     )

@@ -164,7 +164,9 @@ def number_spots(pixels: Pixels, scale: float) -> list[tuple[Pixels, Pixels]]:
     if np.linalg.norm(inwards) < 1e-3:
         # Of a straight angle both sides are inside.
         inwards = np.array([sides[0, 1], -sides[0, 0]])
-    inwards /= np.linalg.norm(inwards)
+    length = np.linalg.norm(inwards)
+    # Seen along their own line three points are one pixel: any way will do.
+    inwards = inwards / length if length > 0 else np.full(2, 0.5**0.5)
     # Lengths stand outside, where the angle's number is not.
     return [
         *((middle, -inwards) for middle in middles),

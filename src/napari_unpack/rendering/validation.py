@@ -160,15 +160,18 @@ def checked_volume(
         raise ValueError(f"volume and labels must have one shape, got {array.shape} and {shape}")
     if array.dtype in (np.bool_, np.uint8, np.uint16):
         return np.ascontiguousarray(array, dtype=np.uint16)
-    density = np.ascontiguousarray(array, dtype=np.float32)
+    with np.errstate(over="ignore"):
+        density = np.ascontiguousarray(array, dtype=np.float32)
     # The usual volume is taken as it is; a NaN fails both comparisons.
     with np.errstate(invalid="ignore"):
         if density.min() >= -MOST_DENSITY and density.max() <= MOST_DENSITY:
             return density
-    finite = np.isfinite(density)
+    # Of the array itself: what is finite there may be too much for single precision.
+    finite = np.isfinite(array)
     if not finite.any():
         raise ValueError("volume must hold finite numbers, got none")
-    low, high = float(density[finite].min()), float(density[finite].max())
+    extremes = np.array([array[finite].min(), array[finite].max()], np.float64)
+    low, high = np.clip(extremes, -MOST_DENSITY, MOST_DENSITY).tolist()
     # Kernels would spread NaN over every sample that touches it.
     known = np.nan_to_num(density, nan=low, posinf=high, neginf=low)
     return np.clip(known, -MOST_DENSITY, MOST_DENSITY, out=known)

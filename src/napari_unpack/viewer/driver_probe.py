@@ -6,12 +6,11 @@ A driver that cannot compile or run them may end the process that asks it to.
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib.metadata import version
 from urllib.parse import quote
 
 from qtpy.QtCore import QSettings
 
-from napari_unpack.rendering.gl.trial import LATE, tried
+from napari_unpack.rendering.gl.trial import LATE, shaders_digest, tried
 from napari_unpack.tasks import Task
 from napari_unpack.viewer.scheduler import Scheduler, Worker
 
@@ -24,7 +23,7 @@ def probe_driver(driver: str, scheduler: Scheduler, answered: Callable[[str], No
     Parameters
     ----------
     driver : str
-        What it calls itself, its version included: another is tried anew.
+        What it calls itself, its version included: another is tried anew, as with other shaders.
     scheduler : Scheduler
     answered : callable
         Given the reason, at once or later.
@@ -32,7 +31,7 @@ def probe_driver(driver: str, scheduler: Scheduler, answered: Callable[[str], No
     store = QSettings(
         QSettings.Format.IniFormat, QSettings.Scope.UserScope, "napari-unpack", "graphics"
     )
-    key = quote(f"{version('napari-unpack')} {driver}", safe="")
+    key = quote(f"{shaders_digest()} {driver}", safe="")
     known = store.value(key)
     if known is not None:
         answered(str(known))

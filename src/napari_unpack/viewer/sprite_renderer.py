@@ -40,7 +40,7 @@ def resolution(pixels_per_mm: float, finest: float = np.inf) -> float:
     float
         Pixels per mm.
     """
-    wanted = min(max(pixels_per_mm, 1e-6), finest)
+    wanted = min(max(pixels_per_mm, float(np.finfo(np.float64).tiny)), finest)
     return float(2 ** (np.ceil(2 * np.log2(wanted)) / 2))
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from vispy import gloo
 
-from napari_unpack.rendering.gl import compute_program
+from napari_unpack.rendering.gl import compute_program, framebuffer
 from napari_unpack.rendering.gl.compute_program import VERSION, ComputeProgram
-from napari_unpack.rendering.gl.framebuffer import Target
+from napari_unpack.rendering.gl.framebuffer import Target, Targets
 from napari_unpack.rendering.gl.pixel_program import (
     ComputedPixels,
     FragmentProgram,
@@ -119,3 +119,40 @@ def test_a_program_that_nobody_holds_is_deleted_in_its_context(compute, gl):
         del program
     gl.flush_commands()
     assert not any(GL.glIsProgram(name) for name in names)
+
+
+def test_a_pass_that_fails_leaves_no_scissors_behind(gl, monkeypatch):
+    from OpenGL import GL
+
+    program = linked(load("passes/fullscreen.vert"), source(PLACES))
+
+    def fails(mode):
+        gl.flush_commands()
+        raise MemoryError("it is out of memory")
+
+    monkeypatch.setattr(program, "draw", fails)
+    with pytest.raises(MemoryError):
+        FragmentProgram(program).run(Target((13, 21), (4, 1)), {}, (3, 2, 5, 4))
+    gl.flush_commands()
+    assert not GL.glIsEnabled(GL.GL_SCISSOR_TEST)
+
+
+def test_a_target_longer_than_the_drivers_textures_is_refused_in_a_sentence(gl):
+    from OpenGL import GL
+
+    most = int(GL.glGetIntegerv(GL.GL_MAX_TEXTURE_SIZE))
+    Target((1, most)).delete()
+    with pytest.raises(ValueError, match=f"at most {most} pixels"):
+        Target((1, most + 1))
+
+
+def test_large_targets_are_not_all_kept(gl, monkeypatch):
+    monkeypatch.setattr(framebuffer, "MOST_KEPT", 100)
+    targets = Targets((1,))
+    for size in ((8, 10), (2, 3), (9, 10), (20, 20), (2, 2)):
+        targets.get(size)
+    assert targets.made == 5
+    # Of those before the last only the last large one is gone; a small one beside it stays.
+    for size, made in (((2, 2), 5), ((20, 20), 6)):
+        targets.get(size)
+        assert targets.made == made

@@ -56,3 +56,11 @@ def test_beyond_4096_objects_the_cpu_answers(scatter):
 
 def test_nothing_in_view_is_an_empty_graph(scatter):
     assert len(interference_in(np.zeros((1, 8, 8), int), 5, backend="gl")) == 0
+
+
+def test_ids_beyond_the_whole_numbers_of_floats_stay_apart(scatter):
+    ids = np.zeros((1, 8, 8), np.uint64)
+    ids[0, :, :3], ids[0, :, 3:6] = 2**53, 2**53 + 1
+    found = interference_in(ids, 2, backend="gl")
+    assert dict(found.edges) == dict(interference(ids, 2).edges)
+    assert len(found.edges) == 1

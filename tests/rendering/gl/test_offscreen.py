@@ -1,10 +1,15 @@
+import os
+import shutil
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import pytest
 
-from napari_unpack.rendering.gl import offscreen
+from napari_unpack.rendering.gl import offscreen, trial
+
+ROOT = Path(__file__).parents[3]
 
 
 def test_software_rasterisers_are_recognised():
@@ -43,8 +48,6 @@ def test_another_thread_is_told_why_it_cannot_draw(offscreen_context):
 
 
 def in_a_process_with(code, **environment):
-    import os
-
     env = {k: v for k, v in os.environ.items() if k not in ("PYOPENGL_PLATFORM", "DISPLAY")}
     done = subprocess.run(
         [sys.executable, "-c", code], env=env | environment, capture_output=True, text=True
@@ -69,6 +72,84 @@ def test_without_a_display_it_needs_no_setting_at_all(offscreen_context):
         "from napari_unpack.rendering.gl import offscreen; print(offscreen.unavailable_because())"
     )
     assert in_a_process_with(code) == "None"
+
+
+BAG = """
+import os, sys, threading, warnings
+import numpy as np
+import napari_unpack as nu
+from napari_unpack.rendering.gl import offscreen
+offscreen.is_software = lambda: False
+labels = np.zeros((12, 12, 12), np.uint16)
+labels[2:6] = 1
+labels[7:10] = 2
+def cast(backend="auto"):
+    return float(nu.render(labels * np.uint16(700), labels, size=(32, 32), backend=backend).sum())
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="the system has no fork")
+def test_a_forked_process_draws_with_the_processor(offscreen_context):
+    code = (
+        BAG
+        + """
+here = cast("gl")
+child = os.fork()
+if child == 0:
+    try:
+        assert "another" in offscreen.unavailable_because()
+        assert abs(cast() - here) < 1
+    except BaseException as error:
+        print(repr(error), flush=True)
+        os._exit(1)
+    os._exit(0)
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+    )
+    assert in_a_process_with(code) == "0"
+
+
+def test_threads_that_ask_first_at_once_make_one_context_and_all_draw(offscreen_context):
+    code = (
+        BAG
+        + """
+cast("cpu")
+sys.setswitchinterval(1e-5)
+warnings.simplefilter("error")
+together, found = threading.Barrier(6), []
+def ask():
+    together.wait()
+    found.append(cast())
+threads = [threading.Thread(target=ask) for _ in range(6)]
+[t.start() for t in threads]
+[t.join() for t in threads]
+print(len(found), max(found) - min(found) < 1, offscreen.context().serves)
+"""
+    )
+    assert in_a_process_with(code) == "6 True True"
+
+
+def test_other_shaders_have_a_driver_tried_anew(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    asked = []
+    monkeypatch.setattr(trial, "tried", lambda _: asked.append(1) or "")
+    for digest in ("a", "b", "a"):
+        monkeypatch.setattr(trial, "shaders_digest", lambda digest=digest: digest)
+        assert trial.refusal("card") == ""
+    assert len(asked) == 2
+
+
+def test_the_digest_is_of_every_shader(monkeypatch, tmp_path):
+    whole = trial.shaders_digest()
+    assert whole == trial.shaders_digest()
+    copied = tmp_path / "shaders"
+    shutil.copytree(ROOT / "shaders", copied)
+    monkeypatch.setattr(trial.resources, "files", lambda _: copied)
+    assert trial.shaders_digest() == whole
+    for name in ("lib/light.glsl", "passes/quad.frag"):
+        (copied / name).write_text((copied / name).read_text("utf-8") + "\n", "utf-8")
+        assert trial.shaders_digest() != whole
+        whole = trial.shaders_digest()
 
 
 def test_a_failed_context_raises_with_its_reason(monkeypatch):

@@ -1,8 +1,11 @@
+import warnings
 from ctypes import c_void_p
 
 import numpy as np
 import pytest
 
+from napari_unpack.rendering import object_id_layers
+from napari_unpack.rendering.gl import offscreen, textures
 from napari_unpack.rendering.gl.lookup_tables import IdTable
 from napari_unpack.rendering.gl.textures import VolumeTextures, fitting_factor
 from napari_unpack.rendering.gl.volume_store import VolumeStore
@@ -182,3 +185,18 @@ def test_a_box_with_an_id_above_255_sends_all_labels_with_two_bytes(gl):
     store.set_labels(after, (slice(1, 2), slice(1, 2), slice(1, 2)), 300)
     assert store.here().labels.internalformat == "r16"
     np.testing.assert_array_equal(np.rint(read_back(store.here().labels) * 65535), after)
+
+
+def test_a_volume_larger_than_a_texture_is_refused_and_auto_takes_the_processor(gl, monkeypatch):
+    labels = np.zeros((4, 4, 40), np.uint16)
+    labels[:, :, ::3] = np.arange(1, 15)
+    everything = object_id_layers(labels, layers=16, size=(16, 64), backend="cpu")
+    monkeypatch.setattr(textures, "largest_side", lambda: 16)
+    with pytest.raises(ValueError, match="4x4x40"):
+        object_id_layers(labels, layers=16, size=(16, 64), backend="gl")
+    monkeypatch.setattr(offscreen, "is_software", lambda: False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = object_id_layers(labels, layers=16, size=(16, 64))
+    np.testing.assert_array_equal(found, everything)
+    assert offscreen.context().serves

@@ -329,7 +329,12 @@ class Workspace:
             ):
                 self._kept[key] = self._kept.pop(key)
                 return textures
-        textures = VolumeTextures(labels, volume)
+        textures = VolumeTextures(labels, volume, at_once=False)
+        if textures.factor != (1, 1, 1):
+            # Coarser IDs would be other answers than the processor's, which has no such limit.
+            textures.delete()
+            raise ValueError(f"volume must fit the graphics driver: {textures.notice}")
+        textures.send()
         volume_ref = None if volume is None else weakref.ref(volume)
         self._kept[id(labels), id(volume)] = (weakref.ref(labels), volume_ref, textures)
         # The least recently used go first: volumes are large.

@@ -91,7 +91,7 @@ class TintedCaster:
     Notes
     -----
     To be used where the canvas's context is current, as in `QuadsVisual.before_draw`. Frame
-    buffer and viewport are as before afterwards; blending and depth test are off, which
+    buffer and viewport are as before afterwards; blending and depth test may be off, which
     `QuadsVisual` and vispy's visuals set for themselves. In another context than last time, as
     when a layer moves to another canvas, it starts afresh.
     """

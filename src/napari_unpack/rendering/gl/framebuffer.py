@@ -23,6 +23,8 @@ from napari_unpack.rendering.gl.memory import TARGETS, memory_counter
 NO_DEPTH = 1.0e30
 # A driver keeps a few errors; one that lost its context never runs out of them.
 MOST_COMPLAINTS = 8
+# Pixels of all sizes kept: 20 bytes each for a tinted image. Three of a large screen's.
+MOST_KEPT = 3 * 3840 * 2160
 
 # First column, first row, width and height of a part of an image, pixels.
 PixelWindow = tuple[int, int, int, int]
@@ -40,6 +42,11 @@ class Target:
     smooth : bool
         Whether the RGBA ones are filtered linearly when they are shown enlarged. Never for IDs:
         even at texel centres linear filtering is not exact.
+
+    Raises
+    ------
+    ValueError
+        If a side is longer than the driver's textures are.
     """
 
     def __init__(
@@ -48,6 +55,10 @@ class Target:
         from OpenGL import GL
 
         self.size = (int(size[0]), int(size[1]))
+        current_context().flush_commands()
+        most = int(GL.glGetIntegerv(GL.GL_MAX_TEXTURE_SIZE))
+        if max(self.size) > most:
+            raise ValueError(f"size must be at most {most} pixels a side on this card, got {size}")
         self.channels = channels
         self.textures = tuple(self._texture(n, smooth and n == 4) for n in channels)
         self.framebuffer = gloo.FrameBuffer(color=self.textures[0])
@@ -81,6 +92,7 @@ class Target:
         try:
             yield
         finally:
+            gloo.set_state(scissor_test=False)
             self.framebuffer.deactivate()
             if viewport is not None:
                 context.set_viewport(*viewport)
@@ -163,9 +175,12 @@ class Targets:
             self.made += 1
         # Put last, since the first is the one thrown away.
         self._kept[size] = target
-        while len(self._kept) > self._keep:
+        while len(self._kept) > self._keep or (len(self._kept) > 1 and self._pixels() > MOST_KEPT):
             self._kept.pop(next(iter(self._kept))).delete()
         return target
+
+    def _pixels(self) -> int:
+        return sum(height * width for height, width in self._kept)
 
     def clear(self) -> None:
         """Free all of them."""

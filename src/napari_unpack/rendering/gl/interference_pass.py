@@ -58,7 +58,7 @@ class InterferencePass:
         """
         from OpenGL import GL
 
-        ids, slots = np.unique(np.append(stack.ravel(), 0), return_inverse=True)
+        ids, slots = np.unique(np.append(stack.ravel(), stack.dtype.type(0)), return_inverse=True)
         n = len(ids)
         if n > MOST_OBJECTS + 1:
             raise ValueError(f"stack must hold at most {MOST_OBJECTS} objects, got {n - 1}")

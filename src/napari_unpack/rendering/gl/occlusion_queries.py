@@ -121,7 +121,6 @@ class OcclusionQueries:
                         context.flush_commands()
                         GL.glEndQuery(GL.GL_SAMPLES_PASSED)
                         self.passes += 1
-                gloo.set_state(scissor_test=False)
             found = [_result(int(q)) for q in queries[: 2 * len(ids)]]
         finally:
             GL.glDeleteQueries(len(queries), queries)

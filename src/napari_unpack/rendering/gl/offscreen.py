@@ -19,6 +19,9 @@ from typing import Any
 
 from napari_unpack.rendering.gl.trial import refusal
 
+# Several threads that ask first would each make a context.
+TRYING = threading.RLock()
+
 
 class Offscreen:
     """A headless canvas; get the process's one from `context()`.
@@ -38,7 +41,8 @@ class Offscreen:
         gl.use_gl("gl+")
         self._app = app.Application("egl")
         self.canvas: Any = app.Canvas(app=self._app, size=(1, 1), autoswap=False)
-        self._thread = threading.get_ident()
+        # A process that was forked from ours has our context, and none to draw in.
+        self._owner = os.getpid(), threading.get_ident()
         self.serves = True
         with self.use():
             from OpenGL import GL
@@ -49,6 +53,11 @@ class Offscreen:
             lacks = formats.lacking()
         if lacks:
             raise RuntimeError(f"the driver ({self.renderer}) has no {lacks}")
+
+    @property
+    def mine(self) -> bool:
+        """Whether this thread of this process made it."""
+        return self._owner == (os.getpid(), threading.get_ident())
 
     @contextmanager
     def use(self) -> Iterator[Any]:
@@ -61,7 +70,7 @@ class Offscreen:
         """
         from vispy.gloo.context import get_current_canvas
 
-        if threading.get_ident() != self._thread:
+        if not self.mine:
             raise RuntimeError(
                 "the offscreen GL context belongs to the thread that first used it; "
                 "use that thread or the CPU backend"
@@ -81,7 +90,7 @@ class Offscreen:
 def unavailable_because() -> str | None:
     """Return why there is no offscreen GL here, in a sentence; None where there is."""
     reason = probe()[1]
-    if reason is None and threading.get_ident() != context()._thread:
+    if reason is None and not context().mine:
         return "the offscreen GL context belongs to another thread"
     return reason
 
@@ -125,9 +134,15 @@ def is_software_renderer(name: str) -> bool:
     return any(word in name.lower() for word in ("llvmpipe", "softpipe", "swrast", "swiftshader"))
 
 
-@cache
 def probe() -> tuple[Offscreen | None, str | None]:
-    """Return the context, or why there is none; tried once a process."""
+    """Return the context, or why there is none; tried once a process, by one thread."""
+    with TRYING:
+        return first_context()
+
+
+@cache
+def first_context() -> tuple[Offscreen | None, str | None]:
+    """Make the context, or tell why there is none; see `probe`."""
     reason = _claimed_by_another()
     if reason is not None:
         return None, reason
@@ -135,14 +150,14 @@ def probe() -> tuple[Offscreen | None, str | None]:
         os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
         os.environ.setdefault("EGL_PLATFORM", "surfaceless")
     try:
-        made = Offscreen()
+        drawing = Offscreen()
     # Drivers, loaders and bindings fail in every way there is; each only means "not here".
     except Exception as error:
         return None, f"EGL failed: {error or type(error).__name__}"
     # A software rasteriser is one program with its shader compiler, and known to draw ours.
-    if not is_software_renderer(made.renderer):
-        reason = refusal(f"{made.renderer}, {made.version}")
-    return (None, f"{made.renderer} cannot draw: {reason}") if reason else (made, None)
+    if not is_software_renderer(drawing.renderer):
+        reason = refusal(f"{drawing.renderer}, {drawing.version}")
+    return (None, f"{drawing.renderer} cannot draw: {reason}") if reason else (drawing, None)
 
 
 def _claimed_by_another() -> str | None:

@@ -61,7 +61,6 @@ class FragmentProgram:
                 gloo.set_state(scissor_test=True)
                 gloo.set_scissor(*window)
             self._program.draw("triangle_strip")
-            gloo.set_state(scissor_test=False)
 
 
 class ComputedPixels:

@@ -50,8 +50,6 @@ class Appearance:
     def __post_init__(self) -> None:
         if self.table.ndim != 2 or self.table.shape[1] != 4 or len(self.table) < 2:
             raise ValueError(f"table must be (K, 4) with K >= 2, got {self.table.shape}")
-        if not self.domain[0] < self.domain[1]:
-            raise ValueError(f"domain must be (low, high), low below high, got {self.domain!r}")
         if self.tints.ndim != 2 or self.tints.shape[1] != 4:
             raise ValueError(f"tints must be (M, 4), got {self.tints.shape}")
 

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from contextlib import suppress
 from hashlib import sha256
-from importlib.metadata import version
+from importlib import resources
 
 # A driver compiles all shaders anew; one that hangs must not keep us waiting for ever.
 SECONDS = 60
@@ -45,11 +45,12 @@ def tried(command: str) -> str:
 def refusal(driver: str) -> str:
     """Return why a driver must not draw offscreen, "" where it may; kept for later processes.
 
-    A driver is known by what it calls itself, its version included: another is tried anew.
+    A driver is known by what it calls itself, its version included: another is tried anew, and
+    so are other shaders.
     """
     from platformdirs import user_cache_path
 
-    name = sha256(f"{version('napari-unpack')} {driver}".encode()).hexdigest()[:16]
+    name = sha256(f"{driver} {shaders_digest()}".encode()).hexdigest()[:16]
     file = user_cache_path("napari-unpack", appauthor=False) / f"offscreen-{name}.txt"
     with suppress(OSError, ValueError):
         return file.read_text("utf-8")
@@ -62,6 +63,14 @@ def refusal(driver: str) -> str:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(reason, "utf-8")
     return reason
+
+
+def shaders_digest() -> str:
+    """Return a short name of all shaders' text: a driver is tried anew with other shaders."""
+    folders = [resources.files("napari_unpack.shaders") / name for name in ("lib", "passes")]
+    files = sorted((f for folder in folders for f in folder.iterdir()), key=lambda f: f.name)
+    text = "".join(f.read_text("utf-8") for f in files if f.is_file())
+    return sha256(text.encode()).hexdigest()[:16]
 
 
 def draw_offscreen() -> None:
