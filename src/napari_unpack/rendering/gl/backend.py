@@ -319,6 +319,11 @@ class Workspace:
         labels : (Z, Y, X) ndarray of uint16
         volume : (Z, Y, X) ndarray, optional
             Density; None where labels alone are drawn.
+
+        Raises
+        ------
+        ValueError
+            If the volume is larger than the driver's textures.
         """
         for key, (label_ref, volume_ref, textures) in list(self._kept.items()):
             # Textures go with their arrays: an identity may be used again.
