@@ -157,3 +157,18 @@ def test_an_inspected_object_fills_the_view_turns_and_keeps_its_turn(
     np.testing.assert_allclose(session.poses[out].rotation, quarter @ before, atol=1e-9)
     assert controller.settle(30)
     assert set(controller.sprites.sprites) == {out}
+
+
+def test_an_inspection_that_is_left_before_a_step_of_a_film_has_ended_with_it(
+    staged, session, monkeypatch
+) -> None:
+    _, controller = staged
+    controller.recolor_at_rest = False
+    now = session.clock()
+    monkeypatch.setattr(session, "clock", lambda: now)
+    controller.inspect(session.ids[0])
+    assert controller.packed.dimming < 1.0
+    controller.leave()
+    assert controller.step(30)
+    assert session.state.inspected is None
+    assert controller.packed.dimming == 1.0

@@ -230,6 +230,10 @@ class SceneRenderer:
 
     def catch_up(self) -> None:
         """Do what the next tick would do, and tick no more by itself."""
+        one = self.animator.inspection
+        if one is not None and one.leaving:
+            # No tick comes that would end it later.
+            self.end_inspection()
         self._tick(self.flight_animation.now())
         self.flight_animation.stop()
 
