@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from napari.layers import Layer
 
 from napari_unpack.session import ObjectState, Session
 from napari_unpack.session.framing import fitted
@@ -204,6 +205,15 @@ def test_a_users_column_of_ids_gives_way_to_our_own_in_what_is_duplicated_and_sa
     _, state, kind = controller.packed.as_layer_data_tuple()
     assert (kind, list(state["features"]["id"])) == ("points", [1, 2, 3, 4, 5, 6, 7])
     assert session.objects.loc[3, "id"] == "P-3"
+
+
+def test_a_layer_of_no_objects_is_duplicated_as_points_without_any(
+    make_napari_viewer_proxy, bag
+) -> None:
+    controller = SessionController(make_napari_viewer_proxy(), Session(*bag))
+    data, state, kind = controller.sprites.as_layer_data_tuple()
+    points = Layer.create(data, state, kind)
+    assert (len(points.data), len(points.features)) == (0, 0)
 
 
 def test_two_dimensions_and_a_tiny_window_break_nothing(staged, qtbot) -> None:

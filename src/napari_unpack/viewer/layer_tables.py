@@ -47,7 +47,8 @@ class ObjectTable:
         facts = session.objects.reindex(known).drop(columns="id", errors="ignore")
         return {
             "features": facts.rename_axis("id").reset_index(),
-            "face_color": tints[known, :3],
+            # napari takes no array of no colours.
+            "face_color": tints[known, :3] if known else "white",
             "border_color": "transparent",
             # Points to be seen, but that leave their neighbours visible.
             "size": np.maximum(edges / 6, 1.0),
