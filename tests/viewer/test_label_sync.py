@@ -1,6 +1,6 @@
 """Strokes of a brush and the session's labels, with a scheduler that is moved by hand."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import dask.array
@@ -14,14 +14,16 @@ from bells import BELL, CUBE, SLAB, bells
 from manual_scheduler import ManualScheduler
 from napari_unpack.session import Session
 from napari_unpack.tasks import no_progress
-from napari_unpack.viewer.label_sync import QUIET_MS, LabelSync
+from napari_unpack.viewer.label_sync import QUIET_MS, LabelSync, with_sharing
 from napari_unpack.viewer.slice_sync import SliceHues
 
 
 class Brush:
     """A session, and a layer of its labels that is followed; tasks wait until they are run."""
 
-    def __init__(self, painted: Any = None, *, factor: int = 1) -> None:
+    def __init__(
+        self, painted: Any = None, *, factor: int = 1, others: Sequence[Labels] = ()
+    ) -> None:
         volume, labels = bells()
         given = labels.astype(np.int32) * factor
         self.session = Session(volume, given)
@@ -35,7 +37,7 @@ class Brush:
         self.sync = LabelSync(
             self.session,
             self.scheduler,
-            [self.layer],
+            with_sharing([self.layer], others),
             lambda *asked: self.asked.append(asked) or True,
             self.told.append,
             lambda: self.hues.painting,
@@ -236,3 +238,24 @@ def test_strokes_on_labels_that_stay_on_disk_are_refused_in_words(
     assert not brush.sync.pending
     assert brush.asked == []
     brush.sync.close()
+
+
+def test_a_stroke_on_the_time_series_of_a_followed_time_point_is_an_edit_at_once() -> None:
+    first = bells()[1].astype(np.int32)
+    series, other = Labels(np.stack([first, first])), Labels(first.copy())
+    series.n_edit_dimensions = 3
+    brush = Brush(series.data[1], others=[other, series])
+    brush.run()
+    series.paint((1, 36, 36, 60), SLAB)
+    brush.run()
+    assert brush.session.labels[36, 36, 60] == SLAB
+    assert brush.is_in_step()
+    # Of another time point, and of labels that are nobody's here.
+    series.paint((0, 36, 36, 62), SLAB)
+    other.paint((36, 36, 60), SLAB)
+    brush.run()
+    assert len(brush.session.history.done) == 1
+    brush.session.undo()
+    assert np.array_equal(series.data[1], first)
+    assert series.data[0, 36, 36, 62] == SLAB
+    assert brush.told == []

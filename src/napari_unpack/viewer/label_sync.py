@@ -11,6 +11,7 @@ from napari.layers import Labels, Layer
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import LabelBoxes
+from napari_unpack.layers.compat import unwrap
 from napari_unpack.session.errors import OutsideError
 from napari_unpack.tasks import Cancelled, Task
 from napari_unpack.viewer.protocols import Event
@@ -34,7 +35,8 @@ class LabelSync:
     session : Session
     scheduler : Scheduler
     sources : sequence of napari layers
-        The user's own that the session is of. Its labels are those of the 3D Labels among them.
+        The user's own that the session is of, and those that share their memory. Its labels are
+        those of the Labels of its shape among them.
     run : callable
         Given a task of `LabelEditor`, what is given its result, and what is given its error, has
         it run on another thread; returns False where that must wait.
@@ -53,7 +55,8 @@ class LabelSync:
     what was there before the stroke. What cannot be taken over is taken back: every comparison
     is of the whole layer, and would meet it again. Layers that read their voxels when they are
     looked at (dask, zarr, several resolutions), and arrays of another shape, are not followed,
-    which is said at the first stroke: every comparison would read all of them.
+    which is said at the first stroke: every comparison would read all of them. A time series of
+    which a followed layer is one time point, in the same memory, is followed with it.
     """
 
     def __init__(
@@ -75,8 +78,7 @@ class LabelSync:
     ) -> None:
         self._session, self._scheduler, self._refusal = session, scheduler, refusal
         self._run, self._message, self._recoloring = run, message, recoloring
-        ndim = session.labels.ndim
-        self._layers = [x for x in sources if isinstance(x, Labels) and x.ndim == ndim]
+        self._layers = [x for x in sources if isinstance(x, Labels)]
         session.own_labels([layer.data for layer in self._layers if _is_array(layer)])
         self._seen, self._boxes = session.labels, session.boxes
         self._writing = False
@@ -85,7 +87,7 @@ class LabelSync:
             event.connect(self._on_painted)
         session.events.labels.connect(self._show)
         for layer in self._layers:
-            if _is_array(layer) and not self._fits(layer):
+            if _is_array(layer) and self._followed(layer) is None:
                 self._tell(layer)
         self._painted = next(filter(self._fits, self._layers), None)
         if self._painted is not None and not refusal:
@@ -113,9 +115,10 @@ class LabelSync:
         # Our own writing raises the same events as a brush.
         if self._writing or self._recoloring() or layer not in self._layers:
             return
-        if self._fits(layer):
+        followed = self._followed(layer)
+        if followed is not None:
             self._told.discard(layer)
-            self._painted = layer
+            self._painted = followed
             self._wait()
         # Which is also raised when another slice is looked at.
         elif event.type != "set_data":
@@ -159,6 +162,13 @@ class LabelSync:
     def _fits(self, layer: Labels) -> bool:
         # Another array may have been put into the layer: no stroke of a brush.
         return _is_array(layer) and layer.data.shape == self._session.labels.shape
+
+    def _followed(self, layer: Labels) -> Labels | None:
+        """Return the layer of the session's labels that a stroke on this one changes."""
+        if self._fits(layer):
+            return layer
+        ours = filter(self._fits, self._layers)
+        return next((x for x in ours if _share_memory(x, layer)), None)
 
     def _take(self, edited: EditedLabels | None) -> None:
         """Apply what a brush has changed, and take out of the layers what is refused."""
@@ -221,8 +231,8 @@ class LabelSync:
         wanted = self._given()[self._session.labels[box][where]]
         self._writing = True
         try:
-            for layer in self._layers:
-                if not self._fits(layer) or np.array_equal(layer.data[box][where], wanted):
+            for layer in filter(self._fits, self._layers):
+                if np.array_equal(layer.data[box][where], wanted):
                     continue
                 dtype, top = layer.data.dtype, wanted.max()
                 # A new object's ID may be larger than all that were given.
@@ -231,7 +241,10 @@ class LabelSync:
                 if dtype != layer.data.dtype or not layer.data.flags.writeable:
                     layer.data = layer.data.astype(dtype)
                 layer.data[box][where] = wanted
-                layer.refresh()
+            # Those too that show the same memory.
+            for layer in self._layers:
+                if self._followed(layer) is not None:
+                    layer.refresh()
         finally:
             self._writing = False
 
@@ -252,6 +265,24 @@ def _differing(
         return None
     planes = slice(other[0], other[-1] + 1)
     return planes, np.stack([given[ours] != theirs for ours, theirs in pairs[planes]])
+
+
+def with_sharing(sources: Sequence[Layer], layers: Iterable[Layer]) -> list[Layer]:
+    """Return sources and the layers that show the same memory, as the time series of one does.
+
+    Parameters
+    ----------
+    sources : sequence of napari layers
+    layers : iterable of napari layers
+        Among which they are looked for.
+    """
+    found = [x for x in map(unwrap, layers) if any(_share_memory(x, each) for each in sources)]
+    return list(dict.fromkeys((*sources, *found)))
+
+
+def _share_memory(*layers: Layer) -> bool:
+    arrays = [x.data for x in layers if isinstance(x, Labels) and _is_array(x)]
+    return len(arrays) == 2 and np.may_share_memory(*arrays)
 
 
 def _edits(layers: Iterable[Labels]) -> list[Event]:

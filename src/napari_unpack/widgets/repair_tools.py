@@ -201,7 +201,7 @@ class RepairTools(QObject):
         self.busy.emit(False)
 
     def _follow(self) -> None:
-        from napari_unpack.viewer.label_sync import LabelSync
+        from napari_unpack.viewer.label_sync import LabelSync, with_sharing
 
         # Clicks on the layers of another session would mean nothing.
         self.cancel()
@@ -214,7 +214,7 @@ class RepairTools(QObject):
             self._label_sync = LabelSync(
                 session,
                 self._workspace.scheduler,
-                controller.sources,
+                with_sharing(controller.sources, self._workspace.viewer.layers),
                 self._ask,
                 notifications.warn,
                 lambda: controller.slice_hues.painting,
