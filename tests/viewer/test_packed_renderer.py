@@ -11,6 +11,7 @@ import pytest
 import napari_unpack as nu
 from manual_scheduler import ManualScheduler
 from napari_unpack.layers.view_camera import Frame
+from napari_unpack.viewer import packed_renderer
 from napari_unpack.viewer.packed_renderer import PackedRenderer, cast_packed
 from napari_unpack.viewer.scheduler import IdlePhase, Scheduler, Worker
 
@@ -177,6 +178,46 @@ def test_for_a_picture_of_another_size_the_full_image_is_there_at_once(still, se
     renderer.set_view(frame)
     settle(scheduler)
     np.testing.assert_array_equal(screen.image.patch.rgba, before.patch.rgba)
+
+
+@pytest.mark.parametrize("cast", ["cast_packed", "recast_objects"])
+def test_a_picture_that_fails_once_is_there_all_the_same(still, session, monkeypatch, cast) -> None:
+    renderer, scheduler, screen, frame = still
+    real, failures = getattr(packed_renderer, cast), [MemoryError("Unable to allocate 3 MiB")]
+
+    def failing_once(*given: Any) -> Any:
+        if failures:
+            raise failures.pop()
+        return real(*given)
+
+    renderer.fade.allowed = False
+    monkeypatch.setattr(packed_renderer, cast, failing_once)
+    if cast == "recast_objects":
+        hide(session, renderer, 1)
+    else:
+        renderer.refine()
+    settle(scheduler)
+    assert failures == []
+    assert renderer.settled
+    wanted = cast_packed(session.scene(), frame.camera, SIZE, 1.0).patch.rgba
+    np.testing.assert_allclose(screen.image.patch.rgba, wanted, atol=1 / 255)
+
+
+def test_a_picture_that_fails_again_is_told_once(session, qtbot, monkeypatch) -> None:
+    told: list[str] = []
+    scheduler = ManualScheduler(told.append)
+    renderer = PackedRenderer(session, scheduler, Screen(), NoCanvasBackend())
+    renderer.set_view(Frame(session.overview(), SIZE, np.eye(4)))
+    settle(scheduler)
+
+    def failing(*_: Any) -> Any:
+        raise MemoryError("Unable to allocate 3 MiB")
+
+    monkeypatch.setattr(packed_renderer, "cast_packed", failing)
+    renderer.refine()
+    settle(scheduler)
+    assert told == ["Unable to allocate 3 MiB"]
+    assert scheduler.workers.idle
 
 
 def test_the_bricks_of_the_volume_are_made_once_for_images_picks_and_the_card(

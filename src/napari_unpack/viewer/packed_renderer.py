@@ -14,7 +14,7 @@ from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.compose import packed_image
 from napari_unpack.rendering.scene import Scene
 from napari_unpack.rendering.subvolumes import Subvolume
-from napari_unpack.tasks import Task
+from napari_unpack.tasks import Cancelled, Task
 from napari_unpack.viewer.animation import HueFade
 from napari_unpack.viewer.canvas_backend import CanvasBackend
 from napari_unpack.viewer.dirty_region import recast_objects
@@ -209,6 +209,7 @@ class PackedRenderer:
             Task("packed region", lambda _: self._cast_region(scene, image, changed)),
             Worker.PREVIEW,
             lambda image: self._region_done(image, wanted),
+            failed=lambda error: self._try_again(error, frame),
         )
 
     def close(self) -> None:
@@ -312,7 +313,12 @@ class PackedRenderer:
             self._forget_changes(revision)
         self._show(image, with_thumbnail=False)
 
-    def _cast_full(self) -> None:
+    def _try_again(self, error: Exception, frame: Frame) -> None:
+        # Memory that was short for a moment may be there now. The next view has its own image.
+        if frame is self._frame and not isinstance(error, Cancelled):
+            self._cast_full(last=True)
+
+    def _cast_full(self, last: bool = False) -> None:
         frame, revision = self._frame, self._revision
         if frame is None or self.is_full:
             return
@@ -325,6 +331,8 @@ class PackedRenderer:
             Task("packed", lambda _: self._cast(scene, frame, frame.size, 1.0)),
             Worker.REFINE,
             lambda result: self._full_done(result[0], frame, revision),
+            # What fails twice is told.
+            failed=None if last else lambda error: self._try_again(error, frame),
         )
 
     def _full_done(self, image: RenderedImage | None, frame: Frame, revision: int) -> None:
