@@ -10,6 +10,7 @@ import pytest
 import zarr
 
 import napari_unpack
+from napari_unpack.file_sizes import TooLargeError
 from napari_unpack.io import Scan, save_scan
 from napari_unpack.io.napari_reader import get_reader, read_layers
 from napari_unpack.io.ome_zarr import write_labels_zarr
@@ -189,3 +190,75 @@ def test_a_damaged_tiff_is_taken_and_explained(tmp_path: Path) -> None:
     assert reader is not None
     with pytest.raises(ValueError, match=r"bag\.tif"):
         reader(str(path))
+
+
+SUFFIXES = (".npz", ".nrrd", ".nii.gz", ".tif")
+
+
+def three(folder: Path, suffix: str, **changed: Any) -> list[str]:
+    """Save three time points, the last of them with some other facts; return their paths."""
+    paths = [folder / f"t{k}{suffix}" for k in range(3)]
+    for k, path in enumerate(paths):
+        save_scan(Scan(**{"volume": VOLUME + k, "spacing": (3.0, 2.0, 1.0)}), path)
+    if changed:
+        facts = {"volume": VOLUME, "spacing": (3.0, 2.0, 1.0)} | changed
+        save_scan(Scan(**facts), paths[-1])
+    return [str(path) for path in paths]
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_files_opened_as_a_stack_are_the_time_points_of_one_image(
+    tmp_path: Path, suffix: str
+) -> None:
+    paths = three(tmp_path, suffix)
+    reader = get_reader(paths)
+    assert reader is not None
+    ((data, about, kind),) = reader(paths)
+    np.testing.assert_array_equal(data, [VOLUME, VOLUME + 1, VOLUME + 2])
+    assert (about["scale"], kind) == ((1.0, 3.0, 2.0, 1.0), "image")
+    assert about["axis_labels"] == ("t", "z", "y", "x")
+
+
+def test_labels_and_names_of_a_stack_are_those_of_all_its_files(tmp_path: Path) -> None:
+    paths = [tmp_path / "t0.npz", tmp_path / "t1.npz"]
+    for k, path in enumerate(paths):
+        labels = (VOLUME > 30).astype(np.uint8) + np.uint8(k)
+        save_scan(Scan(VOLUME, (3.0, 2.0, 1.0), labels, names={1 + k: f"Shoe {k}"}), path)
+    image, marks = read_layers([str(path) for path in paths])
+    assert image[0].shape == marks[0].shape == (2, 3, 4, 5)
+    assert marks[1]["scale"] == (1.0, 3.0, 2.0, 1.0)
+    assert marks[1]["features"] == {"index": [1, 2], "name": ["Shoe 0", "Shoe 1"]}
+    save_scan(Scan(VOLUME, (3.0, 2.0, 1.0), labels, names={1: "Boot"}), paths[1])
+    with pytest.raises(ValueError, match=r"t1.npz .* its object 1 is 'Boot', not 'Shoe 0'"):
+        read_layers([str(path) for path in paths])
+
+
+PLACE = np.eye(4)
+PLACE[0, 3] = 20.0
+
+
+@pytest.mark.parametrize(
+    ("changed", "reason"),
+    [
+        ({"volume": VOLUME[:2]}, "its volume is 2 x 4 x 5, not 3 x 4 x 5"),
+        ({"spacing": (3.0, 2.0, 1.5)}, "its voxel size is 3 x 2 x 1.5 mm, not 3 x 2 x 1 mm"),
+        ({"labels": (VOLUME > 30).astype(np.uint8)}, "its label volume is 3 x 4 x 5, not none"),
+        ({"scanner_from_scan": PLACE}, "it lies elsewhere in the scanner"),
+    ],
+)
+def test_files_that_differ_in_more_than_voxels_are_not_stacked(
+    tmp_path: Path, changed: dict[str, Any], reason: str
+) -> None:
+    with pytest.raises(ValueError, match=f"^t2.npz cannot be stacked on t0.npz: {reason}$"):
+        read_layers(three(tmp_path, ".npz", **changed))
+
+
+def test_a_stack_that_fills_the_memory_is_refused_before_it_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    paths = three(tmp_path, ".npz")
+    monkeypatch.setattr("napari_unpack.file_sizes.free_memory", lambda: 4 * VOLUME.nbytes)
+    read_layers(paths[0])
+    with pytest.raises(TooLargeError, match=r"the stack of t0.npz holds"):
+        read_layers(paths)
+    assert read_layers(paths, large=True)[0][0].shape == (3, 3, 4, 5)

@@ -21,9 +21,9 @@ LayerData = tuple[Any, dict[str, Any], str]
 def get_reader(path: str | Sequence[str]) -> Callable[[Any], list[LayerData]] | None:
     """Return a reader for what napari was asked to open, None where it is not ours.
 
-    Of several files, the slices of a DICOM series, the first is looked at. Names count, so that
-    napari stays quick: broken files are reported when read. An .npz is ours if it holds an array
-    `volume` or `labels`, a TIFF if it holds slices: photographs are left to napari.
+    Of several files the first is looked at. Names count, so that napari stays quick: broken files
+    are reported when read. An .npz is ours if it holds an array `volume` or `labels`, a TIFF if it
+    holds slices: photographs are left to napari.
     """
     from napari_unpack.io.volumes import READABLE, TIFF_SUFFIXES, suffix_of
 
@@ -41,7 +41,7 @@ def get_reader(path: str | Sequence[str]) -> Callable[[Any], list[LayerData]] | 
 
 
 def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerData]:
-    """Read a file into napari layers: an Image, and Labels where there are any.
+    """Read a file or a stack of them into napari layers: an Image, and Labels where there are any.
 
     With `scale` and `units` in mm. An OME-Zarr label image of whole numbers becomes Labels alone. A
     multiscale OME-Zarr whose finest level does not fit into memory becomes layers of all its
@@ -49,6 +49,9 @@ def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerDat
     time points stay axes in front of z, y, x, from which the panel lets one be chosen. Names of
     objects become the labels' `features`. What had to be assumed of the file is a warning, which
     napari shows, and in `metadata["assumed"]`; `metadata["scanner_from_scan"]` is as in a `Scan`.
+
+    Several files become time points, along a new first axis. Of DICOM files, the slices of a
+    series, the first is enough.
 
     Parameters
     ----------
@@ -59,32 +62,25 @@ def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerDat
     Raises
     ------
     FileNotFoundError, ValueError, ImportError
-        As for `load_volume`.
+        As for `load_volume`, and if the files of a stack differ in more than their voxels.
     """
-    from napari_unpack.io.arrays import read_names
-    from napari_unpack.io.label_names import is_segmentation, load_label_names, names_of_labels
-    from napari_unpack.io.ome_zarr import holds_ids, is_label_image
-    from napari_unpack.io.volumes import is_zarr, printable, read_file, stem_of, suffix_of
+    from napari_unpack.io.file_stack import check_stack_size, stacked
+    from napari_unpack.io.volumes import DICOM_SUFFIXES, printable, stem_of, suffix_of
 
-    first = Path(path if isinstance(path, str) else path[0])
+    paths = [Path(each) for each in ([path] if isinstance(path, str) else path)]
+    first = paths[0]
     name = printable(stem_of(first))
-    try:
-        found = read_file(first, large).space_last()
-    except TooLargeError:
-        stored = _stored_layers(first, name)
-        if not stored:
-            raise
-        return stored
-    _tell_assumed(first, found)
-    names = read_names(first) if found.volume is not None and suffix_of(first) == ".npz" else None
-    # What says that it holds labels may hold shares or a mask of fractions.
-    ids = found.volume is not None and holds_ids(found.volume)
-    if ids and is_segmentation(first):
-        # Voxels of 3D Slicer's segmentations are labels, which the header names.
-        found = replace(found, volume=None, labels=found.volume)
-        names = names_of_labels(load_label_names(first))
-    elif ids and is_zarr(first) and is_label_image(first):
-        found = replace(found, volume=None, labels=found.volume)
+    if len(paths) > 1 and suffix_of(first) not in DICOM_SUFFIXES:
+        check_stack_size(paths, large)
+        found, names = stacked(paths, [_read(each, large) for each in paths])
+    else:
+        try:
+            found, names = _read(first, large)
+        except TooLargeError:
+            stored = _stored_layers(first, name)
+            if not stored:
+                raise
+            return stored
     layers: list[LayerData] = []
     if found.volume is not None:
         layers.append((found.volume, _attributes(found, name) | {"colormap": "gray"}, "image"))
@@ -93,6 +89,27 @@ def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerDat
         about = _label_attributes(found, name, bool(layers))
         layers.append((found.labels, about | named, "labels"))
     return layers
+
+
+def _read(path: Path, large: bool) -> tuple[FileData, Mapping[int, str]]:
+    """Return what a file holds, labels as labels, and what its objects are called."""
+    from napari_unpack.io.arrays import read_names
+    from napari_unpack.io.label_names import is_segmentation, load_label_names, names_of_labels
+    from napari_unpack.io.ome_zarr import holds_ids, is_label_image
+    from napari_unpack.io.volumes import is_zarr, read_file, suffix_of
+
+    found = read_file(path, large).space_last()
+    _tell_assumed(path, found)
+    names = read_names(path) if found.volume is not None and suffix_of(path) == ".npz" else None
+    # What says that it holds labels may hold shares or a mask of fractions.
+    ids = found.volume is not None and holds_ids(found.volume)
+    if ids and is_segmentation(path):
+        # Voxels of 3D Slicer's segmentations are labels, which the header names.
+        found = replace(found, volume=None, labels=found.volume)
+        names = names_of_labels(load_label_names(path))
+    elif ids and is_zarr(path) and is_label_image(path):
+        found = replace(found, volume=None, labels=found.volume)
+    return found, names or {}
 
 
 def _stored_layers(path: Path, name: str) -> list[LayerData]:
@@ -141,8 +158,9 @@ def layer_metadata(found: FileData | Scan) -> dict[str, Any]:
 
 def _label_attributes(found: FileData, name: str, beside_image: bool) -> dict[str, Any]:
     if beside_image:
-        # Labels of a volume have no other axes, whatever the volume has.
-        return _attributes(replace(found, axes=SPACE), f"{name} labels")
+        # Labels of a volume have no other axes, whatever the volume has, but that of a stack.
+        axes = SPACE if found.labels is None else found.axes[-found.labels.ndim :]
+        return _attributes(replace(found, axes=axes), f"{name} labels")
     # Labels alone are a file too, such as corrected ones.
     return _attributes(found, name)
 
