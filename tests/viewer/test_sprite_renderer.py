@@ -7,13 +7,16 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
+from manual_scheduler import ManualScheduler
 from napari_unpack.appearance import TransferFunction
 from napari_unpack.layers.rendered_image import Sprite
 from napari_unpack.layers.sprite_layer import SpriteLayer
 from napari_unpack.rendering.compose import sprite_image
 from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session import Session
+from napari_unpack.viewer import sprite_renderer
 from napari_unpack.viewer.sprite_renderer import PIXELS_PER_VOXEL, SpriteRenderer, resolution
 
 CANVAS = 1024, 1024
@@ -60,7 +63,7 @@ def test_a_sprite_is_cast_anew_where_labels_beside_it_were_edited_and_only_there
     volume = np.choose(labels, (0, 1500, 3000, 1500, 1500)).astype(np.uint16)
     session, shown = Session(volume, labels), {}
     session.backend = "cpu"
-    at_once: Any = SimpleNamespace(submit=lambda task, _, done: done(task.run(None)))
+    at_once: Any = SimpleNamespace(submit=lambda task, _, done, **_more: done(task.run(None)))
     renderer = SpriteRenderer(session, at_once, shown.update)
 
     def casts() -> int:
@@ -88,7 +91,7 @@ def test_an_object_that_its_own_opacity_hides_is_cast_once_and_shown_again_later
     session = Session((1500 * labels).astype(np.uint16), labels)
     shown: list[list[int]] = []
     session.backend = "cpu"
-    at_once: Any = SimpleNamespace(submit=lambda task, _, done: done(task.run(None)))
+    at_once: Any = SimpleNamespace(submit=lambda task, _, done, **_more: done(task.run(None)))
     renderer = SpriteRenderer(session, at_once, lambda sprites: shown.append(list(sprites)))
 
     def want() -> tuple[int, list[int]]:
@@ -109,3 +112,29 @@ def test_an_object_that_its_own_opacity_hides_is_cast_once_and_shown_again_later
     assert want() == (2, [])
     session.set_style(1, ObjectStyle())
     assert want() == (3, [1])
+
+
+@pytest.mark.parametrize(("times", "shows"), [(1, True), (2, False)])
+def test_a_sprite_that_fails_is_cast_once_more_and_told_if_that_fails_too(
+    monkeypatch: pytest.MonkeyPatch, times: int, shows: bool
+) -> None:
+    labels = np.zeros((24, 24, 24), np.uint16)
+    labels[4:20, 4:20, 4:20] = 1
+    session, shown = Session((1500 * labels).astype(np.uint16), labels), {}
+    session.backend = "cpu"
+    failures, told = [MemoryError("Unable to allocate 3 MiB")] * times, []
+
+    def failing(*given: Any) -> Any:
+        if failures:
+            raise failures.pop()
+        return sprite_image(*given)
+
+    monkeypatch.setattr(sprite_renderer, "sprite_image", failing)
+    scheduler = ManualScheduler(told.append)
+    renderer = SpriteRenderer(session, scheduler, shown.update)
+    session.force_unpack(1)
+    renderer.want(session.poses, frozenset(session.poses), 2.0, {})
+    scheduler.finish_tasks()
+    assert failures == []
+    assert (renderer.settled, 1 in shown) == (shows, shows)
+    assert len(told) == times - 1

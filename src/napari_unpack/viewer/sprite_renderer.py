@@ -139,7 +139,15 @@ class SpriteRenderer:
         labels = self._session.label_data.revision
         return (*held, tint, sharpness, style, self._revision), labels
 
-    def _ask(self, scene: Scene, object_id: int, pose: Pose, sharpness: float, key: Key) -> None:
+    def _ask(
+        self,
+        scene: Scene,
+        object_id: int,
+        pose: Pose,
+        sharpness: float,
+        key: Key,
+        last: bool = False,
+    ) -> None:
         have, alike = self._made.get(object_id), key[0]
 
         def cast() -> Sprite | None:
@@ -152,11 +160,17 @@ class SpriteRenderer:
             self._sources[object_id] = alike, ref(source)
             return self._cast(scene, object_id, pose, sharpness)
 
+        def again(_: Exception) -> None:
+            if self._asked.get(object_id) == key:
+                self._ask(scene, object_id, pose, sharpness, key, last=True)
+
         # Sprites are cast once, in worker threads, which have no GL context: on the CPU.
         self._scheduler.submit(
             Task(("sprite", object_id), lambda _: cast()),
             Worker.PREVIEW,
             lambda sprite: self._finish(object_id, key, sprite),
+            # Memory that was short may be there now; what fails twice is told.
+            failed=None if last else again,
         )
 
     def _cast(self, scene: Scene, object_id: int, pose: Pose, sharpness: float) -> Sprite | None:
