@@ -7,9 +7,11 @@ import pandas as pd
 import pytest
 from napari.layers import Layer
 
+from napari_unpack.layers.view_camera import same_camera
 from napari_unpack.session import ObjectState, Session
-from napari_unpack.session.framing import fitted
+from napari_unpack.session.framing import alike, fitted
 from napari_unpack.viewer.controller import SessionController
+from opened_panel import at_rest
 from viewer_fixtures import canvas, complaints
 
 
@@ -284,3 +286,46 @@ def test_layers_in_another_order_or_a_grid_and_an_unknown_backend_break_nothing(
     with pytest.raises(ValueError, match="backend must be"):
         controller.backend = "metal"
     assert controller.backend == "auto"
+
+
+def test_a_layer_of_ours_added_to_a_second_viewer_stays_with_the_first(
+    staged, make_napari_viewer_proxy, session
+) -> None:
+    viewer, controller = staged
+    before = canvas(viewer)
+    second = make_napari_viewer_proxy(show=True)
+    second.dims.ndisplay = 3
+    second.add_layer(controller.packed)
+    seen = session.camera
+    second.scene.camera.angles = (10, 20, 30)
+    canvas(second)
+    assert controller.settle(30)
+    assert same_camera(session.camera, seen)
+    second.layers.remove(controller.packed)
+    np.testing.assert_array_equal(canvas(viewer), before)
+    viewer.scene.camera.angles = (10, 20, 30)
+    assert controller.settle(30)
+    assert not same_camera(session.camera, seen)
+    controller.close()
+    assert len(viewer.layers) == 0
+
+
+def test_a_session_opens_in_a_window_without_room_and_is_framed_once_there_is_some(
+    make_napari_viewer_proxy, bag, session, qtbot
+) -> None:
+    viewer = make_napari_viewer_proxy()
+    viewer.add_image(bag[0])
+    viewer.canvas.size = (400, 0)
+    controller = SessionController(viewer, session)
+    controller.overlays.outlines_unpackable = controller.recolor_at_rest = False
+    controller.open()
+    assert controller.frame is None
+    viewer.canvas.size = (400, 500)
+    viewer.show()
+    qtbot.waitUntil(lambda: controller.frame is not None, timeout=20000)
+    at_rest(controller, qtbot)
+    frame = controller.frame
+    assert session.canvas_size == frame.size
+    assert alike(frame.camera, fitted(session, frame.camera))
+    assert controller.framing.is_fit
+    controller.close()

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 import pytest
+from psygnal import EmitLoopError
 from vispy.gloo import gl
 
+from napari_unpack.layers import compat
 from napari_unpack.session import ObjectState, Session
 from napari_unpack.viewer.controller import SessionController
 from viewer_fixtures import canvas
@@ -107,3 +110,56 @@ def test_the_window_is_closed_in_mid_flight_of_everything(flying, qtbot) -> None
     controller.close()
     assert out(controller.session) == 7
     assert not controller.session.flights
+
+
+def all_given_back(viewer: Any) -> bool:
+    """Whether the viewer holds the user's two layers alone, shown as before the session."""
+    shown = [(layer.name, layer.visible) for layer in viewer.layers]
+    return shown == [("scan", True), ("mine", True)] and viewer.dims.ndisplay == 2
+
+
+def test_a_script_that_fails_when_objects_move_leaves_no_session_half_closed(flying) -> None:
+    viewer, controller, _, _ = flying
+
+    def fail(_ids: frozenset[int]) -> None:
+        raise RuntimeError("of a script")
+
+    controller.session.events.states.connect(fail)
+    closed: list[bool] = []
+    controller.events.closed.connect(lambda: closed.append(True))
+    with pytest.raises(EmitLoopError, match="of a script"):
+        controller.close()
+    assert all_given_back(viewer)
+    assert not controller.session.flights
+    assert closed == [True]
+
+
+@pytest.mark.parametrize("event", ["layers.events.removed", "dims.events.ndisplay"])
+def test_another_plugin_that_fails_at_an_event_leaves_no_session_half_closed(flying, event) -> None:
+    viewer, controller, _, _ = flying
+    signal = attrgetter(event)(compat.unwrap(viewer))
+
+    def fail(_event: Any) -> None:
+        raise RuntimeError("of another plugin")
+
+    signal.connect(fail)
+    with pytest.raises(RuntimeError, match="of another plugin"):
+        controller.close()
+    signal.disconnect(fail)
+    assert all_given_back(viewer)
+
+
+def test_labels_made_uint8_meanwhile_get_back_their_colours_and_keep_their_brush(
+    make_napari_viewer_proxy, bag, session
+) -> None:
+    viewer = make_napari_viewer_proxy()
+    labels = viewer.add_labels(bag[1].astype(np.int32), scale=SCALE)
+    labels.selected_label, before = 300, labels.colormap
+    controller = SessionController(viewer, session, [labels])
+    controller.open()
+    labels.selected_label = 3
+    labels.data = labels.data.astype(np.uint8)
+    controller.close()
+    assert labels.colormap == before
+    assert (labels.selected_label, labels.colormap.selection) == (3, 3)
+    assert list(viewer.layers) == [labels]

@@ -430,3 +430,26 @@ def test_with_shift_objects_leave_straight_out_of_the_surface_pressed(
             assert np.degrees(np.arccos(session.unpack_direction @ out)) < 8
             found += 1
     assert found > 3
+
+
+def test_double_clicks_of_other_plugins_are_heard_while_a_session_is_open_and_after(
+    make_napari_viewer_proxy, session, qtbot
+) -> None:
+    viewer = make_napari_viewer_proxy(show=True)
+    heard: list[str] = []
+    callbacks = compat.unwrap(viewer).mouse_double_click_callbacks
+    callbacks.insert(0, lambda *_: heard.append("before"))
+    before = list(callbacks)
+    controller = SessionController(viewer, session)
+    controller.open()
+    callbacks.append(lambda *_: heard.append("meanwhile"))
+    controller.settle(60)
+    zoom = viewer.scene.camera.zoom
+    QTest.mouseDClick(native(viewer), LEFT, pos=QPoint(4, 4))
+    assert heard == ["before", "meanwhile"]
+    assert viewer.scene.camera.zoom == zoom
+    controller.close()
+    assert callbacks[:-1] == before
+    QTest.mouseDClick(native(viewer), LEFT, pos=QPoint(4, 4))
+    assert heard == ["before", "meanwhile"] * 2
+    assert viewer.scene.camera.zoom != zoom

@@ -340,7 +340,18 @@ def build_anew(viewer: napari.Viewer, layers: Sequence[Layer]) -> bool:
 
 def pixel_scale(viewer: napari.Viewer) -> float:
     """Return the device pixels of a logical pixel of a viewer's canvas."""
-    return float(getattr(native_canvas(viewer), "pixel_scale", 1.0))
+    # vispy divides by the width, of which a narrow window leaves none to the canvas.
+    with suppress(ZeroDivisionError):
+        return float(getattr(native_canvas(viewer), "pixel_scale", 1.0))
+    return 1.0
+
+
+def zoom_by_click(viewer: napari.Viewer) -> Callable[..., None] | None:
+    """Return napari's own among what a viewer calls at double clicks; None if it has gone."""
+    callbacks = viewer.mouse_double_click_callbacks
+    return next(
+        (c for c in callbacks if getattr(c, "__name__", "") == "double_click_to_zoom"), None
+    )
 
 
 def refresh_status(viewer: napari.Viewer) -> None:

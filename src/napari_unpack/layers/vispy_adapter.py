@@ -43,9 +43,17 @@ class QuadsAdapter(PictureAdapter):
         super().__init__(layer, QuadsNode(), **kwargs)
         self.node.before_draw = self._before_draw
         self.node.refused = layer.refused.emit
-        layer.frame_now = self._frame
+        # In another viewer as well, the layer stays with the first: two would fight for its camera.
+        if "frame_now" not in vars(layer):
+            layer.frame_now = self._frame
+
+    @property
+    def _leads(self) -> bool:
+        return bool(vars(self.layer).get("frame_now") == self._frame)
 
     def _before_draw(self, visual: QuadsVisual) -> None:
+        if not self._leads:
+            return
         frame = self._frame()
         quads = tuple(self._slice_quads() if frame is None else self.layer.quads_at(frame))
         # Assigning asks for another draw; this one shows them already.
@@ -103,7 +111,8 @@ class QuadsAdapter(PictureAdapter):
         """Disconnect from the layer and let go of the node."""
         # Both would keep the layer alive with the node.
         self.node.before_draw = self.node.refused = None
-        del self.layer.frame_now
+        if self._leads:
+            del self.layer.frame_now
         super().close()
 
 

@@ -16,6 +16,7 @@ from napari_unpack.viewer.protocols import Event
 from napari_unpack.viewer.redraw_throttle import RedrawThrottle
 from napari_unpack.viewer.removed_layers import close_without_layer
 from napari_unpack.viewer.slice_sync import SliceSteps
+from napari_unpack.viewer.viewer_state import to_the_end
 
 if TYPE_CHECKING:
     from napari_unpack.viewer.controller import SessionController
@@ -74,10 +75,9 @@ class ControllerConnections:
 
     def close(self) -> None:
         """Disconnect."""
+        closing, self._closing = self._closing, []
         # In reverse: what was put on last goes first.
-        for close in reversed(self._closing):
-            close()
-        self._closing.clear()
+        to_the_end(*reversed(closing))
 
     def decorate(self) -> None:
         """Follow the session's background, box and scale bar."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from time import monotonic, sleep
 from typing import TYPE_CHECKING
 
@@ -37,7 +38,7 @@ from napari_unpack.viewer.scene_renderer import SceneRenderer, Statistics
 from napari_unpack.viewer.scheduler import Scheduler, Worker
 from napari_unpack.viewer.slice_sync import SliceHues, SliceSteps
 from napari_unpack.viewer.sprite_names import SpriteNames
-from napari_unpack.viewer.viewer_state import SavedViewerState
+from napari_unpack.viewer.viewer_state import SavedViewerState, to_the_end
 
 if TYPE_CHECKING:
     import napari
@@ -283,26 +284,18 @@ class SessionController:
         if self._saved is None:
             return
         saved, self._saved = self._saved, None
-        self._connections.close()
-        self.slice_hues.close()
-        # Its turn is kept: it is a step of the session.
-        self.renderer.end_inspection()
-        self.renderer.close()
-        self.overlays.close()
-        self.scheduler.close()
-        self.session.animated, self.session.backend = self._before
-        self.session.queries.asks_at_rest = False
-        for object_id in list(self.session.flights):
-            self.session.land(object_id)
-        if compat.native_canvas(self.viewer) is not None:
-            # At once, since napari collects all garbage after every removal.
-            with self.viewer.layers.batched_update():
-                for layer in self.layers:
-                    if layer in self.viewer.layers:
-                        layer.locked = False
-                        self.viewer.layers.remove(layer)
-            saved.give_back(self.viewer)
-        self.events.closed.emit()
+        to_the_end(
+            self._connections.close,
+            self.slice_hues.close,
+            # Its turn is kept: it is a step of the session.
+            self.renderer.end_inspection,
+            self.renderer.close,
+            self.overlays.close,
+            self.scheduler.close,
+            partial(_let_go, self.session, self._before),
+            partial(_leave, self.viewer, saved, self.layers),
+            self.events.closed.emit,
+        )
 
     # Commands.
 
@@ -477,3 +470,23 @@ class SessionController:
         still = self.framing.settled or self.flying
         drawn = still and self.renderer.settled and self.overlays.settled
         return drawn and not (self.scheduler.busy or pending)
+
+
+def _let_go(session: Session, before: tuple[bool, str]) -> None:
+    session.animated, session.backend = before
+    session.queries.asks_at_rest = False
+    to_the_end(*(partial(session.land, object_id) for object_id in session.flights))
+
+
+def _leave(viewer: napari.Viewer, saved: SavedViewerState, layers: Sequence[Layer]) -> None:
+    if compat.native_canvas(viewer) is not None:
+        to_the_end(partial(_remove, viewer, layers), partial(saved.give_back, viewer))
+
+
+def _remove(viewer: napari.Viewer, layers: Sequence[Layer]) -> None:
+    there = [layer for layer in layers if layer in viewer.layers]
+    for layer in there:
+        layer.locked = False
+    # At once, since napari collects all garbage after every removal.
+    with viewer.layers.batched_update():
+        to_the_end(*(partial(viewer.layers.remove, layer) for layer in there))

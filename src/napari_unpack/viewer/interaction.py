@@ -68,15 +68,16 @@ class Interaction:
         # None once its name may be another.
         self._named: int | None = 0
         self._clicked: tuple[Pixel | None, int] = None, 0
-        self._theirs = list(target.viewer.mouse_double_click_callbacks)
+        self._zoom: Callable[..., None] | None = None
         self._put_status_back: Callable[[], None] = lambda: None
 
     def open(self) -> None:
         """Take the mouse."""
         viewer = self._target.viewer
-        self._theirs = list(viewer.mouse_double_click_callbacks)
+        clicks, self._zoom = viewer.mouse_double_click_callbacks, compat.zoom_by_click(viewer)
+        at = len(clicks) if self._zoom is None else clicks.index(self._zoom)
         # napari's zoom would move the view away under an inspection.
-        viewer.mouse_double_click_callbacks[:] = [self._double_click]
+        clicks[at : at + 1] = [self._double_click]
         viewer.mouse_move_callbacks.append(self._move)
         viewer.mouse_drag_callbacks.append(self._drag)
         self._put_status_back = show_status_as_written(viewer)
@@ -84,13 +85,17 @@ class Interaction:
     def close(self) -> None:
         """Give the mouse back."""
         viewer = self._target.viewer
-        self._brush.take_up()
-        viewer.mouse_double_click_callbacks[:] = self._theirs
+        clicks = viewer.mouse_double_click_callbacks
+        if self._double_click in clicks:
+            at = clicks.index(self._double_click)
+            clicks[at : at + 1] = [] if self._zoom is None else [self._zoom]
         if self._move in viewer.mouse_move_callbacks:
             viewer.mouse_move_callbacks.remove(self._move)
         if self._drag in viewer.mouse_drag_callbacks:
             viewer.mouse_drag_callbacks.remove(self._drag)
         self._put_status_back()
+        # Last: other plugins hear of it.
+        self._brush.take_up()
 
     @property
     def pointed(self) -> int:
@@ -253,8 +258,8 @@ class Interaction:
             # napari would zoom in, and leave all sprites out of the window.
             event.handled = True
             return
-        for callback in self._theirs:
-            callback(viewer, event)
+        if self._zoom is not None:
+            self._zoom(viewer, event)
 
     def _drag(self, _viewer: napari.Viewer, event: MouseEvent) -> Generator[None, None, None]:
         if event.button != 1:

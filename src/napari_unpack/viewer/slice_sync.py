@@ -65,6 +65,9 @@ class SliceHues:
         self._session.events.selected.disconnect(self._choose, missing_ok=True)
         with self._own_work():
             for (layer, colormap), brush in zip(self._theirs, self._brushes, strict=True):
+                # A layer made uint8 meanwhile has no label 300 any more.
+                if brush > np.iinfo(layer.data.dtype).max:
+                    brush = colormap.selection = layer.selected_label
                 layer.colormap, layer.selected_label = colormap, brush
         self._theirs = []
 

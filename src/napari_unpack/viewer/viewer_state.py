@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +15,20 @@ from napari_unpack.geometry.axes import Matrix, transform_points
 
 if TYPE_CHECKING:
     import napari
-    from napari.components import Camera
+    from napari.components import Camera, LayerList
+
+
+def to_the_end(*steps: Callable[[], Any]) -> None:
+    """Take all steps in turn, also those after one that fails; errors are raised at the end.
+
+    Parameters
+    ----------
+    *steps : callable
+        Any may fail: events of napari's and of sessions call other plugins and scripts.
+    """
+    with ExitStack() as stack:
+        for step in reversed(steps):
+            stack.callback(step)
 
 
 class HiddenVolumes:
@@ -73,9 +88,9 @@ class HiddenVolumes:
                 selection.active = self._active if there else self._packed
 
     def _show(self, shown: Mapping[Layer, bool]) -> None:
-        for layer, visible in shown.items():
-            if layer in self._viewer.layers:
-                layer.visible = visible
+        there = self._viewer.layers
+        steps = (partial(setattr, x, "visible", on) for x, on in shown.items() if x in there)
+        to_the_end(*steps)
 
 
 def _is_volume(layer: Layer) -> bool:
@@ -180,25 +195,30 @@ class SavedViewerState:
 
     def give_back(self, viewer: napari.Viewer) -> None:
         """Make the viewer as it was; layers that are gone by now are left out."""
-        self.volumes.close()
-        viewer.canvas.background_color_override = self.background
-        viewer.canvas.overlays.scale_bar.update(self.scale_bar)
-        # Before the camera: napari fits the view anew when the dimensions change.
-        viewer.dims.ndisplay = self.ndisplay
-        viewer.scene.camera.orientation = self.orientation
-        self.view.give_back(viewer.scene.camera)
-        # By other axes the same numbers are another place.
-        if _order(viewer) != self.order:
-            viewer.fit_to_view()
-        # Only now: slices that are looked at need not wait for a volume in 3D.
-        self.volumes.give_back()
-        selection = viewer.layers.selection
+        camera = viewer.scene.camera
+        to_the_end(
+            self.volumes.close,
+            partial(setattr, viewer.canvas, "background_color_override", self.background),
+            partial(viewer.canvas.overlays.scale_bar.update, self.scale_bar),
+            # Before the camera: napari fits the view anew when the dimensions change.
+            partial(setattr, viewer.dims, "ndisplay", self.ndisplay),
+            partial(setattr, camera, "orientation", self.orientation),
+            partial(self.view.give_back, camera),
+            # By other axes the same numbers are another place.
+            *([] if _order(viewer) == self.order else [viewer.fit_to_view]),
+            # Only now: slices that are looked at need not wait for a volume in 3D.
+            self.volumes.give_back,
+            partial(self._select, viewer.layers),
+        )
+
+    def _select(self, layers: LayerList) -> None:
+        selection = layers.selection
         selection.clear()
-        selection.update(x for x in self.selection if x in viewer.layers)
+        selection.update(x for x in self.selection if x in layers)
         # Making a layer active deselects the others.
-        if self.active is not None and self.active in viewer.layers:
+        if self.active is not None and self.active in layers:
             selection.active = self.active
-            selection.update(x for x in self.selection if x in viewer.layers)
+            selection.update(x for x in self.selection if x in layers)
 
 
 def _order(viewer: napari.Viewer) -> tuple[int, ...]:

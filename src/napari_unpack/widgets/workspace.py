@@ -148,9 +148,9 @@ class Workspace(QObject):
 
         # In which the camera looked so, until opening measures this one.
         window = session.canvas_size
-        # Two sessions would fight for the camera and the layers of one viewer.
-        self._take_down()
         try:
+            # Two sessions would fight for the camera and the layers of one viewer.
+            self._take_down()
             controller = SessionController(self.viewer, session, tuple(sources), self.scheduler)
             if seconds is not None:
                 controller.seconds = seconds
@@ -251,23 +251,26 @@ class Workspace(QObject):
 
     def close(self) -> None:
         """Show no session; the user's layers become as they were."""
-        if self._take_down():
-            self.switched.emit()
+        if self.controller is not None:
+            try:
+                self._take_down()
+            finally:
+                self.switched.emit()
 
     def end(self) -> None:
         """Close the session for good; nothing runs or is delivered after."""
-        self.close()
-        self.scheduler.close()
+        try:
+            self.close()
+        finally:
+            self.scheduler.close()
 
-    def _take_down(self) -> bool:
+    def _take_down(self) -> None:
         """Close the session shown, untold: the panel is loaded once for the one that follows."""
         controller = self.controller
-        if controller is None:
-            return False
-        # Before it closes, whose last changes are of no interest any more.
-        self._forget()
-        controller.close()
-        return True
+        if controller is not None:
+            # Before it closes, whose last changes are of no interest any more.
+            self._forget()
+            controller.close()
 
     def _forget(self) -> None:
         for signal, slot in self._connections:
