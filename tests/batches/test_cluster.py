@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from threading import Timer
 from time import monotonic, sleep
 from typing import Any
 
@@ -85,6 +87,18 @@ def test_a_scheduler_that_is_mistyped_is_told_before_anybody_waits_for_it(
     Path("broken.json").write_text('{"broken')
     with pytest.raises(OSError, match=sentence), cluster_client([], scheduler=given):
         pass
+
+
+def test_a_scheduler_file_that_is_being_written_is_waited_for(
+    deserted: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "new.json"
+    file.touch()
+    written = Timer(0.3, lambda: shutil.copy(deserted, file))
+    written.start()
+    with cluster_client([], scheduler=str(file)) as client:
+        assert client.status == "running"
+    written.join()
 
 
 def test_workers_of_this_machine_are_not_ignored_beside_another_cluster() -> None:

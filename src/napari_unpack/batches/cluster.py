@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from multiprocessing.resource_tracker import ensure_running
 from pathlib import Path
+from time import monotonic, sleep
 from typing import Any
 
 from napari_unpack.batches.inputs import ScanInput
@@ -23,6 +24,9 @@ from napari_unpack.thread_count import SETTING, thread_count
 
 CONNECT_SECONDS = 10
 """A scheduler that is there answers within one, also from far away."""
+
+WRITE_SECONDS = 1.0
+"""A scheduler that has just begun writes its file in a moment, and not as a whole."""
 
 LOOKED_AT = 100
 """Headers that are read to size the workers of this machine; of more scans, every few."""
@@ -112,7 +116,7 @@ def _connected(distributed: Any, scheduler: str) -> Iterator[Any]:
         )
     with _silent():
         try:
-            address = json.loads(file.read_bytes())["address"] if file.is_file() else scheduler
+            address = _address_in(file) if file.is_file() else scheduler
             # A client that cannot understand its address takes 20 s to end, with a traceback.
             distributed.comm.resolve_address(address)
             client = distributed.Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
@@ -125,6 +129,17 @@ def _connected(distributed: Any, scheduler: str) -> Iterator[Any]:
             ) from error
         with client:
             yield client
+
+
+def _address_in(file: Path) -> str:
+    end = monotonic() + WRITE_SECONDS
+    while True:
+        try:
+            return str(json.loads(file.read_bytes())["address"])
+        except ValueError:
+            if monotonic() > end:
+                raise
+            sleep(WRITE_SECONDS / 10)
 
 
 @contextmanager
