@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from concurrent.futures import Future, ThreadPoolExecutor
 from threading import Barrier, Event, get_ident
 from time import sleep
@@ -10,6 +11,22 @@ import pytest
 
 from napari_unpack import tasks
 from napari_unpack.tasks import Cancelled, Progress, Share, awaited, beside, relayed
+from napari_unpack.thread_count import thread_count
+
+
+def test_threads_are_as_many_as_the_cores_that_were_granted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("NAPARI_UNPACK_THREADS", raising=False)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3}, raising=False)
+    assert thread_count() == 1
+    # Where the system does not tell, all there are.
+    monkeypatch.delattr(os, "sched_getaffinity")
+    monkeypatch.setattr(os, "cpu_count", lambda: 5)
+    assert thread_count() == 5
+    monkeypatch.setenv("NAPARI_UNPACK_THREADS", "²")
+    with pytest.raises(ValueError, match="NAPARI_UNPACK_THREADS must be a whole number"):
+        thread_count()
 
 
 def test_a_part_of_a_share_tells_of_the_whole_work() -> None:

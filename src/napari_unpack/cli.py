@@ -34,6 +34,7 @@ from napari_unpack.cli_options import (
     open_input,
     picture_file,
     requested_decorations,
+    tell_labels_beside,
     write_somewhere,
 )
 
@@ -72,6 +73,9 @@ def _command(**settings: Any) -> Callable[[Callable[..., None]], Callable[..., N
         def run(*args: Any, **kwargs: Any) -> None:
             try:
                 command(*args, **kwargs)
+            except BrokenPipeError:
+                # As of `| head`: click ends without a word.
+                raise
             # Overflow: Python has numbers of any size, libraries have not.
             except (
                 ValueError,
@@ -81,12 +85,18 @@ def _command(**settings: Any) -> Callable[[Callable[..., None]], Callable[..., N
                 MemoryError,
                 OverflowError,
             ) as error:
-                typer.echo(f"error: {error}", err=True)
+                typer.echo(f"error: {_advice_about_options(str(error))}", err=True)
                 raise typer.Exit(1) from error
 
         return app.command(command.__name__.removeprefix("_"), **settings)(run)
 
     return register
+
+
+def _advice_about_options(sentence: str) -> str:
+    """Replace advice about keyword arguments where nothing was found."""
+    reason, _, advice = sentence.partition("; pass ")
+    return f"{reason}; `segment` takes a smaller --smallest" if "smallest=" in advice else sentence
 
 
 @_command()
@@ -186,6 +196,8 @@ def _segment(
 
         if at is not None:
             raise ValueError("--at is not for Zarr outputs: give the volume itself")
+        if large:
+            raise ValueError("--large is not for Zarr outputs: they are made block by block")
         if source.is_file():
             raise ValueError(f"a .zarr output needs a Zarr input, and {source} is none")
         objects = segment_zarr(
@@ -232,7 +244,11 @@ class _Volumes:
     def __iter__(self) -> Iterator[Scan]:
         from napari_unpack.io import load_volume
 
-        return (load_volume(path, large=self.large) for path in self.paths)
+        for path in self.paths:
+            scan = load_volume(path, large=self.large)
+            if scan.labels is None or not scan.labels.any():
+                raise ValueError(f"{path} needs labels to learn from: segment it first")
+            yield scan
 
 
 @_command()
@@ -242,7 +258,7 @@ def _train(
         list[Path],
         typer.Argument(metavar="BAG...", help="Volumes with true labels, such as simulated bags."),
     ],
-    seed: Annotated[int, typer.Option(help="Of the false examples and the fit.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Of the false examples and the fit.")] = 0,
     large: Large = False,
 ) -> None:
     """Train the confidence of objects on labelled volumes."""
@@ -285,6 +301,8 @@ def _score(
     from napari_unpack.io import load_labels
     from napari_unpack.io.scoring import score_report
 
+    for file in (truth, found):
+        tell_labels_beside(file)
     # Voxels of the truth count: found labels often come without a voxel size.
     (true, spacing), (seen, _) = load_labels(truth, large), load_labels(found, large)
     typer.echo(score_report(true, seen, spacing, table, by, boundary))

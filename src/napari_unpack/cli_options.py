@@ -114,6 +114,19 @@ def _tell_assumed(source: Path, assumed: tuple[str, ...]) -> None:
         typer.echo(f"note: {source.name}: {sentence}", err=True)
 
 
+def tell_labels_beside(file: Path) -> None:
+    """Say on stderr where a file that is taken for labels may be the volume they are of."""
+    from napari_unpack.io.volumes import saved_files
+
+    for labels in saved_files(file)[1:]:
+        if labels.exists():
+            typer.echo(
+                f"note: {file} is taken for labels, and {labels.name} lies beside it: is that "
+                "the file you mean?",
+                err=True,
+            )
+
+
 def open_input(
     source: Path,
     labels: Path | None,
@@ -167,6 +180,7 @@ def open_input(
         return session
     scan = load_input(source, at, large)
     if labels is not None:
+        tell_labels_beside(labels)
         scan = scan.with_labels(load_labels(labels, large)[0])
         if is_segmentation(labels):
             scan = replace(scan, names=names_of_labels(load_label_names(labels)))

@@ -16,6 +16,7 @@ from napari_unpack.segmentation import large_volumes, segment
 from napari_unpack.segmentation.common.array_source import blocks, source_of
 from napari_unpack.segmentation.common.remote_volumes import read_once
 from napari_unpack.segmentation.working_grid import reduced, reduction
+from napari_unpack.tasks import Share
 
 MM = (1.0, 1.0, 1.0)
 
@@ -294,3 +295,13 @@ def test_cancelling_stops_the_refinement():
 
     with pytest.raises(KeyboardInterrupt):
         segment(scanned(truth, densities), MM, progress=cancel, working=20_000)
+
+
+def test_labels_without_an_object_are_measured_as_a_table_without_rows():
+    volume = np.ones((4, 4, 4), np.uint8)
+    none = np.zeros(0, np.int64)
+    table = large_volumes.measured_objects(
+        source_of(volume), np.zeros((4, 4, 4), np.int32), none, MM, Share()
+    )
+    assert len(table) == 0
+    assert "volume_mm3" in table

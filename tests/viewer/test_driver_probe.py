@@ -135,7 +135,7 @@ def test_no_screen_is_told_before_qt_ends_the_process(monkeypatch: pytest.Monkey
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("QT_QPA_PLATFORM", "xcb")
     with pytest.raises(
-        OSError, match=r"^napari finds no screen here: run this on a desktop or as `xvfb-run"
+        OSError, match=r"^napari finds no screen here: run this on a desktop, or with `xvfb-run"
     ):
         screen.check_screen()
 

@@ -142,6 +142,8 @@ def _read(path: Path) -> NDArray[Any]:
 
     # By name: what Pillow cannot read, imageio would hand to ITK and to ffmpeg.
     with read_errors_told(path, "a picture"):
+        # Of a file that may not be read, imageio does not say so.
+        path.open("rb").close()
         # Of an animation the first frame.
         kind = iio.immeta(path, plugin="pillow", index=0)["mode"]
         # Grey of more than 8 bits stays as it is: Pillow would cut it off at 255.

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import logging
-import os
+import signal
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from functools import partial
+from multiprocessing.resource_tracker import ensure_running
 from pathlib import Path
+from time import monotonic, sleep
 from typing import Any
 
 from napari_unpack.batches.inputs import ScanInput
@@ -19,6 +24,9 @@ from napari_unpack.thread_count import SETTING, thread_count
 
 CONNECT_SECONDS = 10
 """A scheduler that is there answers within one, also from far away."""
+
+WRITE_SECONDS = 1.0
+"""A scheduler that has just begun writes its file in a moment, and not as a whole."""
 
 LOOKED_AT = 100
 """Headers that are read to size the workers of this machine; of more scans, every few."""
@@ -55,9 +63,13 @@ def cluster_client(
     ------
     ImportError
         If dask.distributed is missing.
+    ValueError
+        If workers of this machine are wanted beside another cluster.
     OSError
         If no scheduler answers.
     """
+    if workers is not None and (client is not None or scheduler is not None):
+        raise ValueError("a running cluster has workers of its own: leave --workers (workers) out")
     distributed = needed("distributed", "distributed", "work on several processes", "batch")
     if client is not None:
         yield client
@@ -97,10 +109,17 @@ def losses_told() -> Iterator[None]:
 
 @contextmanager
 def _connected(distributed: Any, scheduler: str) -> Iterator[Any]:
-    named = {"scheduler_file": scheduler} if Path(scheduler).is_file() else {"address": scheduler}
+    file = Path(scheduler)
+    if not file.is_file() and ":" not in scheduler.rpartition("://")[2]:
+        raise FileNotFoundError(
+            f"there is no scheduler file {scheduler!r}; an address is like tcp://HOST:8786"
+        )
     with _silent():
         try:
-            client = distributed.Client(**named, timeout=CONNECT_SECONDS, set_as_default=False)
+            address = _address_in(file) if file.is_file() else scheduler
+            # A client that cannot understand its address takes 20 s to end, with a traceback.
+            distributed.comm.resolve_address(address)
+            client = distributed.Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
         except Exception as error:
             # Of addresses, files, sockets and versions, each with errors of its own.
             raise OSError(
@@ -110,6 +129,17 @@ def _connected(distributed: Any, scheduler: str) -> Iterator[Any]:
             ) from error
         with client:
             yield client
+
+
+def _address_in(file: Path) -> str:
+    end = monotonic() + WRITE_SECONDS
+    while True:
+        try:
+            return str(json.loads(file.read_bytes())["address"])
+        except ValueError:
+            if monotonic() > end:
+                raise
+            sleep(WRITE_SECONDS / 10)
 
 
 @contextmanager
@@ -135,7 +165,8 @@ def _local(
     cores, free = thread_count(), int(free_memory() * SHARE_OF_MEMORY)
     count = workers or workers_that_fit(scans, cores, free)
     each = threads or max(1, cores // count)
-    cluster = distributed.LocalCluster(
+    begin = partial(
+        distributed.LocalCluster,
         n_workers=count,
         # One scan at a time; its own threads are the setting's.
         threads_per_worker=1,
@@ -147,8 +178,27 @@ def _local(
         # Any free port: another run of today may have the usual one.
         dashboard_address=":0",
     )
-    with cluster, distributed.Client(cluster, set_as_default=False) as client:
+    with _whole(begin) as cluster, distributed.Client(cluster, set_as_default=False) as client:
         yield client
+
+
+def _whole(begin: Callable[[], Any]) -> Any:
+    """Return a cluster; an interruption waits until it can be ended, as half a one cannot."""
+    # Workers inherit the thread's deafness from their first moment on.
+    with ThreadPoolExecutor(1, "unpack-cluster", _ignore_interrupts) as pool:
+        begun = pool.submit(begin)
+        try:
+            return begun.result()
+        except KeyboardInterrupt:
+            begun.result().close()
+            raise
+
+
+def _ignore_interrupts() -> None:
+    if hasattr(signal, "pthread_sigmask"):
+        # Begun later, it would let interrupts in again.
+        ensure_running()
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
 
 
 def workers_that_fit(scans: Sequence[ScanInput], cores: int, memory: int) -> int:
@@ -254,10 +304,3 @@ def dashboard_of(client: Any) -> str:
         return find_spec("bokeh") is not None
 
     return str(client.dashboard_link) if client.run_on_scheduler(drawn) else ""
-
-
-def cores_of_process() -> int:
-    """Return the cores that this process may use, as a batch system sets them."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

@@ -9,23 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from napari_unpack.atomic import check_space, folder_written_atomically
-from napari_unpack.batches.cluster import (
-    SHARE_OF_MEMORY,
-    check_versions,
-    cluster_client,
-    losses_told,
-)
+from napari_unpack.batches.cluster import check_versions, cluster_client, losses_told
 from napari_unpack.io.ome_zarr import is_label_image_alone, labels_zarr, stored_volume
-from napari_unpack.memory import free_memory
 from napari_unpack.read_errors import read_errors_told
 from napari_unpack.tasks import Progress
-from napari_unpack.thread_count import thread_count
 
 if TYPE_CHECKING:
     import pandas as pd
-
-WORKER_BYTES = 2 << 30
-"""Of memory that a worker of this machine takes: its libraries, a tile of the network, a block."""
 
 SHRUNK = 200
 """Bytes of labels, of four a voxel, that become one at best on the disk."""
@@ -61,7 +51,8 @@ def segment_zarr(
     progress : callable, optional
         Takes (fraction, text); raising in it cancels and leaves no output.
     say : callable, optional
-        Given a sentence for each thing that had to be assumed of the source.
+        Given a sentence for each thing that had to be assumed of the source, and where a cluster
+        has no worker yet.
 
     Returns
     -------
@@ -73,8 +64,8 @@ def segment_zarr(
     ImportError
         If dask.distributed is missing, where a cluster is asked for.
     ValueError
-        If the source is no such image, the output is there and holds anything but labels, or
-        nothing is found.
+        If the source is no such image, the output is there and holds anything but labels,
+        `scheduler` and `workers` are both given, or nothing is found.
     OSError
         If no scheduler answers, the cluster is lost, or the disk has too little space.
     MemoryError
@@ -92,10 +83,10 @@ def segment_zarr(
     with ExitStack() as stack:
         client = None
         if scheduler is not None or workers is not None:
-            fit = int(free_memory() * SHARE_OF_MEMORY) // WORKER_BYTES
-            count = workers or max(1, min(thread_count(), fit))
-            client = stack.enter_context(cluster_client([], None, scheduler, count))
+            client = stack.enter_context(cluster_client([], None, scheduler, workers))
             stack.enter_context(losses_told())
+            if say is not None and not client.scheduler_info()["workers"]:
+                say("the cluster has no worker yet: waiting for one")
             check_versions(client)
         place = stack.enter_context(folder_written_atomically(output, is_label_image_alone))
         labels = stack.enter_context(

@@ -8,12 +8,11 @@ from dataclasses import replace
 
 from distributed import Worker, WorkerPlugin, get_worker
 
-from napari_unpack.batches.cluster import cores_of_process
 from napari_unpack.batches.inputs import ScanInput
 from napari_unpack.batches.kernel_cache import keep_kernels_one_at_a_time
 from napari_unpack.batches.results import ScanResult
 from napari_unpack.batches.scan_work import Place, work_on
-from napari_unpack.thread_count import SETTING
+from napari_unpack.thread_count import SETTING, thread_count
 
 
 class WorkerSetup(WorkerPlugin):
@@ -41,7 +40,7 @@ class WorkerSetup(WorkerPlugin):
         """
         keep_kernels_one_at_a_time()
         at_once = max(self._scans.get(worker.ip, 1), worker.state.nthreads)
-        share = self._threads or max(1, cores_of_process() // at_once)
+        share = self._threads or max(1, thread_count() // at_once)
         if self._threads:
             os.environ[SETTING] = str(share)
         os.environ.setdefault(SETTING, str(share))

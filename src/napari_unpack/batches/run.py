@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from napari_unpack.atomic import check_space, given_path, written_atomically
+from napari_unpack.atomic import check_space, check_writable, given_path, written_atomically
 from napari_unpack.batches.cluster import (
     check_workers,
     cluster_client,
@@ -188,6 +188,7 @@ def _check_disk(
     needed = sum(sizes) // 4 if settings.copies else 0
     # What is done already takes its space now.
     there = next(place for place in (folder, *folder.parents) if place.exists())
+    check_writable(there / "results")
     check_space(there / "results", needed - int(1e6 * sum(one.megabytes for one in found)))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from types import TracebackType
 from typing import Any
@@ -55,7 +56,11 @@ class ScanLines:
             How many are done, and how many there are.
         """
         if self._as_json:
-            typer.echo(json.dumps(result.record()))
+            try:
+                typer.echo(json.dumps(result.record()))
+            except BrokenPipeError:
+                # Whoever read them has read enough, as `| head` has: the run goes on.
+                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return
         if result.status == "failed":
             self.say(f"failed: {result.scan}: {result.reason}")

@@ -21,6 +21,8 @@ from napari_unpack.tasks import BEAT_SECONDS, SILENT, Share
 AHEAD = 2
 """Blocks for each thread of the cluster that are on their way: none waits for the next."""
 
+DESERTED = "The cluster has no worker: waiting for one"
+
 
 @dataclass(frozen=True, eq=False)
 class PartArray:
@@ -137,7 +139,8 @@ class BlockWorkers:
         ended = Event()
         future.add_done_callback(lambda _: ended.set())
         while not future.done():
-            share(done)
+            # Asked of a few: workers may be many. A lost scheduler has none, and ends the future.
+            share(done, "" if self.client.scheduler_info(n_workers=1)["workers"] else DESERTED)
             ended.wait(BEAT_SECONDS)
             # A result that is lost with its worker is waited for once more.
             ended.clear()

@@ -194,6 +194,8 @@ class _Renamed:
 
     def __getitem__(self, box: Box) -> NDArray[np.int32]:
         found = np.asarray(self.labels[box])
+        if not len(self.ids):
+            return np.zeros(found.shape, np.int32)
         place = np.minimum(np.searchsorted(self.ids, found), len(self.ids) - 1)
         return np.where(self.ids[place] == found, place + 1, 0).astype(np.int32)
 

@@ -24,8 +24,8 @@ def check_screen() -> None:
     words = child.stdout.split()
     if "platform" not in words:
         raise OSError(
-            "napari finds no screen here: run this on a desktop or as `xvfb-run -a napari-unpack "
-            "demo`; `napari-unpack render` and `movie` need no screen"
+            "napari finds no screen here: run this on a desktop, or with `xvfb-run -a` before it; "
+            "`napari-unpack render` and `movie` need no screen"
         )
     # By Wayland's variables PyOpenGL takes EGL, whatever Qt does: nothing could be drawn.
     if words[words.index("platform") + 1] == "xcb":

@@ -1,0 +1,127 @@
+"""What the command line says of mistakes: which file, why, and only what its options can mend."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import zarr
+from typer.testing import CliRunner
+
+import napari_unpack as nu
+from napari_unpack.appearance import Background
+from napari_unpack.cli import app
+from napari_unpack.io import Scan, save_scan
+
+
+def run(*arguments: object) -> Any:
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+@pytest.fixture
+def scan() -> Scan:
+    labels = np.zeros((16, 16, 30), np.uint8)
+    labels[4:12, 4:12, 4:12], labels[4:12, 4:12, 18:26] = 1, 2
+    volume = (1000 * (labels > 0) + np.arange(30)).astype(np.uint16)
+    return Scan(volume, (1.0, 1.0, 1.0), labels)
+
+
+@pytest.fixture
+def bag(scan: Scan, tmp_path: Path) -> Path:
+    return save_scan(scan, tmp_path / "bag.npz")[0]
+
+
+def test_a_volume_taken_for_labels_is_told_where_its_labels_lie_beside_it(
+    scan: Scan, bag: Path
+) -> None:
+    volume, labels = save_scan(scan, bag.with_name("ct.tif"))
+    for command in (("score", bag), ("order", bag, "--backend", "cpu", "--labels")):
+        note = f"note: {volume} is taken for labels, and ct.labels.tif lies beside it"
+        assert note in run(*command, volume).stderr
+        right = run(*command, labels)
+        assert (right.exit_code, "note: " in right.stderr) == (0, False)
+
+
+def test_advice_where_nothing_is_found_is_of_options_and_not_of_python(bag: Path) -> None:
+    told = run("segment", bag, bag.with_name("out.npz"), "--smallest", "1e30")
+    assert told.exit_code == 1
+    assert told.stderr.endswith("voxels; `segment` takes a smaller --smallest\n")
+
+
+def test_train_says_which_file_has_no_labels(
+    bag: Path, scan: Scan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bare = bag.with_name("bare.npz")
+    np.savez(bare, volume=scan.volume)
+    told = run("train", bag.with_name("mine.npz"), bag, bare)
+    assert told.exit_code == 1
+    assert f"error: {bare} needs labels" in told.stderr
+    assert run("train", bag.with_name("mine.npz"), bag, "--seed", -3).exit_code == 2
+
+
+def test_a_background_that_may_not_be_read_is_not_called_damaged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    picture = tmp_path / "secret.png"
+    picture.touch()
+
+    opened = Path.open
+
+    def refuse(path: Path, *given: Any, **named: Any) -> Any:
+        if path == picture:
+            raise PermissionError(13, "Permission denied", str(path))
+        return opened(path, *given, **named)
+
+    monkeypatch.setattr(Path, "open", refuse)
+    with pytest.raises(PermissionError, match=r"secret\.png may not be read by you"):
+        Background.of(picture)
+
+
+def test_large_is_not_ignored_of_zarr_to_zarr(tmp_path: Path) -> None:
+    zarr.create_array(str(tmp_path / "in.zarr"), shape=(9, 9, 9), dtype="u2")
+    told = run("segment", tmp_path / "in.zarr", tmp_path / "out.zarr", "--large")
+    assert told.exit_code == 1
+    assert "error: --large is not for Zarr outputs" in told.stderr
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes of a shell")
+def test_head_ends_a_command_without_a_word_and_a_run_of_many_not_at_all(
+    bag: Path, scan: Scan, tmp_path: Path
+) -> None:
+    pytest.importorskip("distributed")
+    begin = [sys.executable, "-c", "from napari_unpack.cli import main; main()"]
+
+    def headed(*words: object) -> tuple[int, str]:
+        work = subprocess.Popen(
+            [*begin, *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        assert work.stdout is not None
+        assert work.stderr is not None
+        work.stdout.readline()
+        work.stdout.close()
+        said = work.stderr.read()
+        work.stderr.close()
+        return work.wait(), said
+
+    assert headed("order", bag, "--backend", "cpu") == (1, "")
+    (tmp_path / "in").mkdir()
+    for n in range(3):
+        scan.volume[0, 0, 0] = n
+        save_scan(scan, tmp_path / "in" / f"{n}.npz")
+    out = tmp_path / "out"
+    more = ("--workers", 1, "--no-pictures", "--json")
+    code, said = headed("batch", tmp_path / "in", "--output", out, *more)
+    assert (code, said.splitlines()[-1]) == (0, f"3 of 3 scans done; wrote {out}/index.html")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="where nobody can write")
+def test_a_folder_that_takes_no_results_is_told_before_a_cluster_is_asked(bag: Path) -> None:
+    pytest.importorskip("distributed")
+    for output in ("/proc", "/proc/out"):
+        with pytest.raises(PermissionError, match="results cannot be written into /proc"):
+            nu.batch(bag, output, client=object(), force=True)
