@@ -30,6 +30,7 @@ from napari_unpack.cli_options import (
     VolumeInput,
     check_output,
     direction_of,
+    expanded,
     load_input,
     open_input,
     picture_file,
@@ -70,9 +71,9 @@ def _command(**settings: Any) -> Callable[[Callable[..., None]], Callable[..., N
     def register(command: Callable[..., None]) -> Callable[..., None]:
         # A sentence instead of a traceback for everything a user can cause.
         @functools.wraps(command)
-        def run(*args: Any, **kwargs: Any) -> None:
+        def run(**given: Any) -> None:
             try:
-                command(*args, **kwargs)
+                command(**{name: expanded(value) for name, value in given.items()})
             except BrokenPipeError:
                 # As of `| head`: click ends without a word.
                 raise
@@ -213,7 +214,7 @@ def _segment(
         )
         typer.echo(f"wrote {output}")
         if csv is not None:
-            typer.echo(f"wrote {save_objects_csv(objects, csv)}")
+            write_somewhere(lambda path: [save_objects_csv(objects, path)], csv, ".csv")
         typer.echo(f"{len(objects)} objects")
         return
     for option, value in (("scheduler", scheduler), ("workers", workers), ("working", working)):

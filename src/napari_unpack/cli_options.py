@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import mkdtemp
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -58,6 +58,17 @@ ViewOption = Annotated[
     typer.Option("--view", metavar="Z Y X", help=f"{_LOOKING}, or a session's."),
 ]
 Backend = Annotated[str, typer.Option(help="What renders: auto, cpu or gl.")]
+
+
+def expanded(value: Any) -> Any:
+    """Return what a command was given, with the person's own folder for ``~`` in all paths."""
+    # Imported late, as all that commands do not need for `--help`.
+    from napari_unpack.atomic import given_path
+
+    # Once, and for all commands alike: a file is then checked, read and written by one name.
+    if isinstance(value, list):
+        return [expanded(one) for one in value]
+    return given_path(value) if isinstance(value, Path) else value
 
 
 class Ticker:
@@ -302,8 +313,9 @@ def picture_file(background: str | None) -> Path | None:
         As the option takes it.
     """
     from napari_unpack.appearance.background import is_picture
+    from napari_unpack.atomic import given_path
 
-    return Path(background) if background is not None and is_picture(background) else None
+    return given_path(background) if background is not None and is_picture(background) else None
 
 
 def requested_decorations(background: str | None, box: bool, scale: bool) -> Decorations | None:

@@ -55,7 +55,9 @@ class Pair:
         self, kind: str, *options: object, path: Path | None = None
     ) -> subprocess.Popen[bytes]:
         words = [sys.executable, "-m", "dask", kind, *map(str, options)]
-        environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(path or "")}
+        # The code under test is the workers' too, wherever it lies.
+        paths = os.pathsep.join(filter(None, (path and str(path), os.environ.get("PYTHONPATH"))))
+        environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": paths}
         quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
         self.processes.append(subprocess.Popen(words, env=environment, **quiet))
         return self.processes[-1]

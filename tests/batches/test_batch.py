@@ -169,6 +169,63 @@ def test_a_worker_of_another_version_or_without_the_package_is_refused(
             sleep(0.02)
 
 
+def test_a_run_that_cannot_begin_leaves_the_folder_as_it_is_force_or_not(
+    pair: Pair, client: Any, bags: Path, tmp_path: Path
+) -> None:
+    output = tmp_path / "out"
+    nu.batch(bags / "a.npz", output, client, **QUICK)
+    before = {file: file.read_bytes() for file in output.rglob("*") if file.is_file()}
+    about = tmp_path / "old" / "napari_unpack-0.0.1.dist-info"
+    about.mkdir(parents=True)
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: napari-unpack\nVersion: 0.0.1\n")
+    strange = pair.worker(about.parent)
+    client.wait_for_workers(3, timeout=20)
+    for folder in (output, tmp_path / "new"):
+        with pytest.raises(ValueError, match=r"has napari-unpack 0.0.1"):
+            nu.batch(bags / "a.npz", folder, client, smallest=9.0, force=True, **QUICK)
+    strange.kill()
+    while len(client.scheduler_info(n_workers=-1)["workers"]) > 2:
+        sleep(0.02)
+    assert {file: file.read_bytes() for file in output.rglob("*") if file.is_file()} == before
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_worker_that_sees_another_folder_is_told_and_the_folder_is_not_claimed(
+    tmp_path: Path,
+) -> None:
+    """As on two machines that share no disk: what one writes the other does not find."""
+    output = tmp_path / "out"
+
+    class Elsewhere:
+        def __init__(self) -> None:
+            self.asked: list[str] = []
+
+        def wait_for_workers(self, count: int) -> None: ...
+
+        def run(self, function: Any, *given: str, **_: Any) -> dict[str, Any]:
+            if not given:
+                return {"tcp://far": function()}
+            assert function(*given), "here it is"
+            self.asked += given
+            return {"tcp://far": False}
+
+    far = Elsewhere()
+    with pytest.raises(ValueError, match=r"far does not see .*out: choose a folder that all"):
+        cluster.check_workers(far, output)
+    assert [Path(file).parent for file in far.asked] == [output]
+    assert not any(output.iterdir())
+
+
+def test_sizes_that_mean_nothing_are_refused_before_the_folder_is_claimed(
+    bags: Path, tmp_path: Path
+) -> None:
+    for smallest in ("nan", "-1", "inf"):
+        told = run("batch", bags, "--output", tmp_path / "out", "--smallest", smallest)
+        assert told.exit_code == 1
+        assert "smallest must be a volume in mm^3 of 0 or more" in told.stderr
+    assert not (tmp_path / "out").exists()
+
+
 def test_an_unreachable_scheduler_is_told_in_a_sentence(
     bags: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -246,6 +303,22 @@ def test_a_scan_too_big_for_a_worker_says_so(bags: Path, tmp_path: Path) -> None
     place = Place(tmp_path, Settings(), memory=500_000_000)
     result = work_on(find_inputs([bags / "a.npz"])[0], place, {})
     assert "takes about 0.7 GB, and a worker has 0.5 GB" in result.reason
+
+
+def test_a_name_too_long_is_a_row_with_its_reason(bags: Path, client: Any, tmp_path: Path) -> None:
+    table = tmp_path / "list.csv"
+    table.write_text(f"volume,name\n{bags / 'a.npz'},short\n{'x' * 300}.npz,long\n")
+    # A link to such a name is one that leads nowhere.
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "link.npz").symlink_to("x" * 300)
+    shutil.copy(bags / "c.npz", tmp_path / "in")
+    report = nu.batch([table, tmp_path / "in"], tmp_path / "out", client, **QUICK)
+    assert {one.scan: one.status for one in report.results} == {
+        "short": "done",
+        "long": "failed",
+        "c": "done",
+    }
+    assert "File name too long" in report.failed[0].reason
 
 
 def test_workers_fit_cores_scans_and_memory(bags: Path) -> None:

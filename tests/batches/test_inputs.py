@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
@@ -193,3 +195,28 @@ def test_links_to_folders_are_followed_and_round_in_a_circle_once(tmp_path: Path
     (folder / "patient").symlink_to(elsewhere)
     (elsewhere / "back").symlink_to(folder)
     assert [one.volume.name for one in find_inputs([folder])] == ["a.npz", "b.npz"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="rights of POSIX")
+def test_folders_that_may_not_be_looked_into_are_scans_whose_work_says_why() -> None:
+    user = os.geteuid()
+    # Not pytest's, which its user alone may look into.
+    with TemporaryDirectory() as place:
+        folder = Path(place)
+        folder.chmod(0o755)
+        for name, mode in (("closed", 0), ("listed", 0o444), ("open", 0o755)):
+            (folder / name).mkdir()
+            (folder / name / "a.npz").write_bytes(b"-")
+            (folder / name).chmod(mode)
+        (folder / "list.csv").write_text("volume\nopen/a.npz\nclosed/a.npz\n")
+        try:
+            # Rights do not hold the superuser.
+            os.seteuid(user or 65534)
+            scans, rows = find_inputs([folder]), find_inputs([folder / "list.csv"])
+        finally:
+            os.seteuid(user)
+            for name in ("closed", "listed"):
+                (folder / name).chmod(0o755)
+    found = [str(one.volume.relative_to(folder)) for one in scans]
+    assert found == ["closed", "listed", "open/a.npz"]
+    assert [one.volume.parent.name for one in rows] == ["open", "closed"]

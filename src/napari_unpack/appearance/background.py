@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.atomic import given_path
 from napari_unpack.read_errors import read_errors_told
 
 Color = tuple[float, float, float, float]
@@ -69,7 +70,7 @@ class Background:
             name = wanted.lower()
             return cls(tuple(_color(c) for c in NAMED[name]), name=name)
         if isinstance(wanted, str | Path) and is_picture(wanted):
-            return cls.of(_read(Path(wanted)))
+            return cls.of(_read(given_path(wanted)))
         if isinstance(wanted, str):
             wanted = wanted.split(",")
         try:
@@ -131,7 +132,7 @@ def is_picture(wanted: str | Path) -> bool:
     if isinstance(wanted, str) and wanted.lower() in NAMED:
         return False
     if isinstance(wanted, Path) or "." in wanted or "/" in wanted:
-        if not Path(wanted).is_file():
+        if not given_path(wanted).is_file():
             raise ValueError(f"background: there is no picture {str(wanted)!r}")
         return True
     return False

@@ -12,12 +12,13 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from multiprocessing.resource_tracker import ensure_running
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 from time import monotonic, sleep
 from typing import Any
 
 from napari_unpack.batches.inputs import ScanInput
 from napari_unpack.batches.memory_needs import need_of
-from napari_unpack.batches.run_settings import RUN, installed_version
+from napari_unpack.batches.run_settings import installed_version
 from napari_unpack.io.optional import needed
 from napari_unpack.memory import free_memory
 from napari_unpack.thread_count import SETTING, thread_count
@@ -229,7 +230,7 @@ def check_workers(client: Any, output: Path) -> None:
     client : distributed.Client
         Waits until it has a worker.
     output : Path
-        The run's folder.
+        The run's folder, made where it is missing.
 
     Raises
     ------
@@ -237,14 +238,17 @@ def check_workers(client: Any, output: Path) -> None:
         If a worker lacks this package, has another version of it, or does not see the folder.
     """
     check_versions(client)
-    run_file = str(output / RUN)
 
     def seen(file: str) -> bool:
         import os
 
         return os.path.exists(file)
 
-    for worker, answer in client.run(seen, run_file).items():
+    output.mkdir(parents=True, exist_ok=True)
+    # A file of its own: that of the run is written once all workers are fit for it.
+    with NamedTemporaryFile(prefix=".unpack-", dir=output) as file:
+        answers = client.run(seen, file.name)
+    for worker, answer in answers.items():
         if not answer:
             raise ValueError(
                 f"the worker {worker} does not see {output}: choose a folder that all machines "

@@ -140,7 +140,8 @@ def _scans(path: Path) -> Iterator[ScanInput]:
 def _scan(path: Path) -> ScanInput:
     beside = path.with_name(f"{stem_of(path)}{LABELS}{suffix_of(path)}")
     name = printable(stem_of(path) or path.name)
-    return ScanInput(path, name, beside if beside.exists() else None)
+    # Not Path's own, which raises what the system says of a name that it does not take.
+    return ScanInput(path, name, beside if os.path.exists(beside) else None)
 
 
 def _inside(folder: Path, above: frozenset[Path]) -> Iterator[Path]:
@@ -149,15 +150,22 @@ def _inside(folder: Path, above: frozenset[Path]) -> Iterator[Path]:
     # A link may lead round in a circle.
     if real in above:
         return
-    entries = sorted(folder.iterdir())
-    files = [e for e in entries if e.is_file()]
+    try:
+        entries = sorted(folder.iterdir())
+        # Refused too where names can be listed and nothing behind them can be read.
+        os.stat(os.path.join(folder, "."))
+    except OSError:
+        # The work on it says why.
+        yield folder
+        return
+    files = [e for e in entries if os.path.isfile(e)]
     yield from _without_labels([f for f in files if suffix_of(f) in _WHOLE])
     if _holds_slices(files):
         yield folder
     for entry in entries:
         # What starts with a point is hidden, or half written; results are no inputs.
         mine = is_run(entry) or (entry.name == SCANS and is_run(folder))
-        if entry.is_dir() and not entry.name.startswith(".") and not mine:
+        if os.path.isdir(entry) and not entry.name.startswith(".") and not mine:
             yield from [entry] if is_zarr(entry) else _inside(entry, above | {real})
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -150,9 +151,9 @@ def batch(
     with cluster_client(scans, client, scheduler, workers, threads) as cluster:
         if not cluster.scheduler_info()["workers"]:
             speak("the cluster has no worker yet: waiting for one")
+        check_workers(cluster, folder)
         # No sooner: what keeps a run from beginning leaves the folder as it is.
         claim_folder(folder, settings)
-        check_workers(cluster, folder)
         speak(_described(cluster))
         place = (folder, settings, large)
         for result in _results(cluster, scans, place, known, threads):
@@ -184,8 +185,12 @@ def _described(cluster: Any) -> str:
 def _check_disk(
     folder: Path, scans: Sequence[ScanInput], found: Sequence[ScanResult], settings: Settings
 ) -> None:
-    sizes = [stored_size(scan.volume) for scan in scans if scan.volume.exists()]
-    needed = sum(sizes) // 4 if settings.copies else 0
+    size = 0
+    for scan in scans:
+        # What cannot be read gets its reason from the worker that tries.
+        with suppress(OSError):
+            size += stored_size(scan.volume)
+    needed = size // 4 if settings.copies else 0
     # What is done already takes its space now.
     there = next(place for place in (folder, *folder.parents) if place.exists())
     check_writable(there / "results")

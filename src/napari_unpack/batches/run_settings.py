@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -13,6 +14,7 @@ from napari_unpack.atomic import written_atomically
 from napari_unpack.geometry.view import FROM_ABOVE, View
 from napari_unpack.io.scan import Scan
 from napari_unpack.io.session_archive import ArrayFacts
+from napari_unpack.segmentation.common.validation import check_smallest
 from napari_unpack.unpacking.direction import checked_direction
 
 FORMAT, VERSION = "napari-unpack batch", 1
@@ -66,6 +68,7 @@ class Settings:
         # Before any scan: each would fail by it.
         View(self.view)
         checked_direction(self.direction)
+        check_smallest(self.smallest)
         # What is equal is known by one hash, and JSON takes no numbers of numpy.
         plain: dict[str, Any] = {"view": tuple(map(float, self.view))}
         if not isinstance(self.direction, str | None):
@@ -160,7 +163,8 @@ def claim_folder(output: Path, settings: Settings) -> None:
 
 def is_run(folder: Path) -> bool:
     """Tell whether a folder holds the results of a run."""
-    return (folder / RUN).is_file()
+    # Not Path's own, which raises where nobody may look into the folder.
+    return os.path.isfile(folder / RUN)
 
 
 def _settings_of(output: Path) -> dict[str, Any]:

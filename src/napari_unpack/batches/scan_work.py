@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from napari_unpack.atomic import check_space, folder_written_atomically
 from napari_unpack.batches.inputs import ScanInput
@@ -28,10 +31,14 @@ from napari_unpack.batches.run_settings import SCANS, Settings, identity, identi
 from napari_unpack.file_sizes import stored_size
 from napari_unpack.io.headless import open_scan, unpack_in_order
 from napari_unpack.io.scan import Scan
+from napari_unpack.io.sessions import volume_file_of
 from napari_unpack.io.volumes import load_labels, load_volume, printable
 
 if TYPE_CHECKING:
     from napari_unpack.session import Session
+
+LABELS = {"npz": "labels.npz", "zarr": "labels.ome.zarr"}
+"""By how they are written."""
 
 PICTURE_SIZE = (480, 640)
 """Height and width, pixels: sharp at the width that the index gives it, on dense screens too."""
@@ -86,10 +93,13 @@ def _worked(scan: ScanInput, place: Place, known: Mapping[str, str]) -> ScanResu
     key = identity(data, settings)
     before = read_result(place.output / known[key]) if key in known else None
     if before is not None and before.identity == key:
-        # It may have been done under another name, or from another place.
-        return replace(before, scan=scan.name, source=scan.source, status="kept")
+        there = place.output / known[key]
+        if os.path.exists(there / SESSION):
+            _mend(there, scan, data, place)
+            # It may have been done under another name, or from another place.
+            return replace(before, scan=scan.name, source=scan.source, status="kept")
     start = perf_counter()
-    folder = Path(SCANS) / folder_name(scan.name, key)
+    folder = Path(known.get(key, f"{SCANS}/{folder_name(scan.name, key)}"))
     target = place.output / folder
     check_space(target, data.volume.nbytes // 8 if settings.copies else 0)
     session = open_scan(
@@ -129,6 +139,38 @@ def _loaded(scan: ScanInput, large: bool) -> Scan:
     return replace(data, name=scan.name, spacing=scan.spacing or data.spacing)
 
 
+def _mend(there: Path, scan: ScanInput, data: Scan, place: Place) -> None:
+    """Write labels that are lost, and have a session refer to its volume, wherever that is now.
+
+    A person may have gone on with the session: what is in it stays.
+    """
+    from napari_unpack.io import open_session, save_session
+    from napari_unpack.io.sessions import standing_of
+
+    file, settings = there / SESSION, place.settings
+    found = settings.copies or _finds_volume(file, scan, data, place.large)
+    labelled = (there / LABELS[settings.labels]).exists()
+    if found and labelled:
+        return
+    session = open_session(file, data.volume, large=place.large)
+    if not labelled:
+        _write_labels(session, data, settings, there)
+    if not found:
+        save_session(session, file, False, scan.volume, standing=standing_of(file))
+
+
+def _finds_volume(session: Path, scan: ScanInput, data: Scan, large: bool) -> bool:
+    """Tell whether a session holds its volume, or refers to a file that does."""
+    try:
+        file = volume_file_of(session)
+        if file is None or file.samefile(scan.volume):
+            return True
+        # Two files may have taken each other's names.
+        return np.array_equal(load_volume(file, large=large).volume, data.volume)
+    except (OSError, ValueError):
+        return False
+
+
 def _plan(session: Session) -> None:
     """Find out in which order all come out; they go back, so that the session is packed."""
     stubborn = session.take_least_occluded
@@ -142,9 +184,6 @@ def _plan(session: Session) -> None:
 
 def _write(session: Session, scan: ScanInput, data: Scan, settings: Settings, folder: Path) -> None:
     from napari_unpack.io import movie, save_objects_page, save_png, save_session
-    from napari_unpack.io.arrays import write_labels_npz
-    from napari_unpack.io.ome_zarr import write_labels_zarr
-    from napari_unpack.io.session_json import given_labels
     from napari_unpack.rendering.compose import scene_image
     from napari_unpack.session.framing import fitted
 
@@ -158,9 +197,18 @@ def _write(session: Session, scan: ScanInput, data: Scan, settings: Settings, fo
         )
     if settings.film:
         movie(session, folder / FILM, backend="cpu")
-    labels = given_labels(session)
-    if settings.labels == "zarr":
-        write_labels_zarr(folder / "labels.ome.zarr", labels, data.spacing, data.scanner_from_scan)
-    else:
-        write_labels_npz(folder / "labels.npz", labels, data.spacing)
+    _write_labels(session, data, settings, folder)
     save_session(session, folder / SESSION, settings.copies, volume_path=scan.volume)
+
+
+def _write_labels(session: Session, data: Scan, settings: Settings, folder: Path) -> None:
+    from napari_unpack.io.arrays import write_labels_npz
+    from napari_unpack.io.ome_zarr import write_labels_zarr
+    from napari_unpack.io.session_json import given_labels
+
+    file, labels = folder / LABELS[settings.labels], given_labels(session)
+    if settings.labels == "npz":
+        write_labels_npz(file, labels, data.spacing)
+        return
+    with folder_written_atomically(file, lambda _: False) as temporary:
+        write_labels_zarr(temporary, labels, data.spacing, data.scanner_from_scan)

@@ -302,6 +302,24 @@ def standing_of(path: str | Path) -> NDArray[np.float64] | None:
     return found
 
 
+def volume_file_of(path: str | Path) -> Path | None:
+    """Return the file that a saved session refers to for its volume; None where it holds a copy.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the session, or the file, is not there.
+    ValueError
+        If the session is damaged, or refers to a file that it may not refer to.
+    """
+    source = given_path(path)
+    with read_errors_told(source, "a session"), opened_for_reading(source) as store:
+        told = _manifest(store, source, large=True).part("volume")
+        if not told.has("reference"):
+            return None
+        return _referred_file(told.text("reference"), source, "volume")
+
+
 def _manifest(store: Source, source: Path, large: bool) -> Fields:
     if MANIFEST not in store.names:
         raise ValueError(f"{source} is no session: it lacks {MANIFEST}")
@@ -369,6 +387,13 @@ def _referred(
     reference: str, source: Path, name: str, facts: ArrayFacts, large: bool
 ) -> NDArray[Any]:
     """Read an array from the file a session refers to."""
+    file = _referred_file(reference, source, name)
+    array = _loaded(file, name, large)
+    facts.check(array.astype(facts.dtype, copy=False), f"the {name} in {file}")
+    return array.astype(facts.dtype, copy=False)
+
+
+def _referred_file(reference: str, source: Path, name: str) -> Path:
     # Both kinds of separators, wherever the session was made.
     windows, posix = PureWindowsPath(reference), PurePosixPath(reference)
     # Windows logs in to whatever computer is named, so that to ask whether a file is there tells it
@@ -391,9 +416,7 @@ def _referred(
             f"{source} refers to its {name} in {file}, which is not there: put it back, or pass "
             f"{name}= to open_session"
         )
-    array = _loaded(file, name, large)
-    facts.check(array.astype(facts.dtype, copy=False), f"the {name} in {file}")
-    return array.astype(facts.dtype, copy=False)
+    return file
 
 
 def _reference(file: Path, target: Path, name: str, facts: ArrayFacts) -> str:

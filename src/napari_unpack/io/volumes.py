@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -217,7 +218,8 @@ def read_file(path: str | Path, large: bool = False) -> FileData:
 def is_zarr(folder: Path) -> bool:
     """Tell whether a folder is a Zarr image, by its name or what lies in it."""
     marks = ("zarr.json", ".zgroup", ".zarray")
-    return suffix_of(folder) == ".zarr" or any((folder / mark).exists() for mark in marks)
+    # Not Path's own, which raises where nobody may look into the folder.
+    return suffix_of(folder) == ".zarr" or any(os.path.exists(folder / mark) for mark in marks)
 
 
 def _reader(file: Path) -> Callable[[Path, bool], FileData]:

@@ -27,6 +27,7 @@ from napari_unpack.segmentation.common.remote_volumes import read_once
 from napari_unpack.segmentation.common.validation import (
     Spacing,
     check_out,
+    check_smallest,
     checked_spacing,
     checked_volume,
     in_common_range,
@@ -228,8 +229,7 @@ def segment(
 
 
 def _check_sizes(smallest: float | None, step: float, working: int) -> None:
-    if smallest is not None and not 0 <= smallest < np.inf:
-        raise ValueError(f"smallest must be a volume in mm^3 of 0 or more, got {smallest!r}")
+    check_smallest(smallest)
     if not 0 < step < np.inf:
         raise ValueError(f"step must be a positive difference of log density, got {step!r}")
     # Fewer voxels hold no objects of 100 voxels.

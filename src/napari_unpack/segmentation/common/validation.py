@@ -234,3 +234,15 @@ def checked_labels(labels: ArrayLike, name: str) -> NDArray[np.integer]:
     if array.min() < 0:
         raise ValueError(f"{name} must not hold negative labels, got {array.min()}")
     return array
+
+
+def check_smallest(smallest: float | None) -> None:
+    """Check the size below which nothing is an object; None stands for the default.
+
+    Raises
+    ------
+    ValueError
+        If it is negative, infinite or not a number.
+    """
+    if smallest is not None and not 0 <= smallest < np.inf:
+        raise ValueError(f"smallest must be a volume in mm^3 of 0 or more, got {smallest!r}")

@@ -1,0 +1,103 @@
+"""A run that goes on: what is kept can be opened, and what was lost is there again."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from dask_pair import make_bag
+
+import napari_unpack as nu
+from napari_unpack.batches.results import results_in, session_in
+from napari_unpack.io import load_labels, load_volume
+
+pytest.importorskip("distributed")
+QUICK: dict[str, Any] = {"pictures": False}
+
+
+def test_sessions_without_copies_open_whatever_became_of_the_names_of_their_volumes(
+    client: Any, tmp_path: Path
+) -> None:
+    scans, output = tmp_path / "in", tmp_path / "out"
+    scans.mkdir()
+    for seed, name in enumerate("ab"):
+        make_bag(scans / f"{name}.npz", seed)
+
+    def done() -> dict[str, str]:
+        report = nu.batch(scans, output, client, copies=False, **QUICK)
+        for one in report.results:
+            opened = nu.open_session(session_in(output, one.scan))
+            assert np.array_equal(opened.volume, load_volume(one.source).volume)
+        return {one.scan: one.status for one in report.results}
+
+    assert done() == {"a": "done", "b": "done"}
+    # What a person did with it since stays.
+    session = nu.open_session(session_in(output, "a"))
+    session.annotations.set_note(2, "a note")
+    nu.save_session(session, session_in(output, "a"), copy=False, volume_path=scans / "a.npz")
+    (scans / "a.npz").rename(scans / "renamed.npz")
+    assert done() == {"b": "kept", "renamed": "kept"}
+    assert nu.open_session(session_in(output, "renamed")).annotations.notes[2] == "a note"
+    # Each has the other's name now.
+    for here, there in (("renamed", "t"), ("b", "renamed"), ("t", "b")):
+        (scans / f"{here}.npz").rename(scans / f"{there}.npz")
+    assert done() == {"b": "kept", "renamed": "kept"}
+    # A copy is no reason to write anything.
+    times = {file: file.stat().st_mtime_ns for file in output.glob("scans/*/*")}
+    shutil.copy(scans / "b.npz", scans / "copy.npz")
+    nu.batch(scans / "copy.npz", output, client, copies=False, **QUICK)
+    assert {file: file.stat().st_mtime_ns for file in output.glob("scans/*/*")} == times
+
+
+@pytest.mark.parametrize("labels", ["npz", "zarr"])
+def test_lost_labels_and_a_lost_session_are_made_again(
+    client: Any, bags: Path, tmp_path: Path, labels: str
+) -> None:
+    output, named = tmp_path / "out", "labels.npz" if labels == "npz" else "labels.ome.zarr"
+    (first,) = nu.batch(bags / "a.npz", output, client, labels=labels, **QUICK).results
+    folder = output / first.folder
+    true = load_labels(folder / named)[0]
+    session = nu.open_session(folder / "session.unpack")
+    session.annotations.set_note(2, "a note")
+    nu.save_session(session, folder / "session.unpack")
+    shutil.rmtree(folder / named) if labels == "zarr" else (folder / named).unlink()
+    (again,) = nu.batch(bags / "a.npz", output, client, labels=labels, **QUICK).results
+    assert np.array_equal(load_labels(folder / named)[0], true)
+    # Not at the cost of what a person did since.
+    assert nu.open_session(folder / "session.unpack").annotations.notes[2] == "a note"
+    assert again.status == "kept"
+    (folder / "session.unpack").unlink()
+    shutil.copy(bags / "a.npz", tmp_path / "renamed.npz")
+    report = nu.batch(tmp_path / "renamed.npz", output, client, labels=labels, **QUICK)
+    assert report.results[0].status == "done"
+    assert nu.open_session(session_in(output, "renamed")).step == 0
+    # In its place, and not beside it.
+    assert [one.scan for one in results_in(output)] == ["renamed"]
+
+
+def test_scans_of_one_content_have_folders_of_their_own_whatever_letters_their_names_have(
+    client: Any, tmp_path: Path
+) -> None:
+    scans, output = tmp_path / "in", tmp_path / "out"
+    scans.mkdir()
+    names = ["ö", "ü", "x" * 70 + "1", "x" * 70 + "2", "a b", "a_b"]
+    for name in names:
+        make_bag(scans / f"{name}.npz", 0)
+    report = nu.batch(scans, output, client, **QUICK)
+    assert len({one.folder for one in report.results}) == len(names)
+    assert sorted(one.scan for one in results_in(output)) == sorted(names)
+    for name in names:
+        assert session_in(output, name).is_file()
+    # Folders that earlier versions made, without these letters, are kept.
+    (folder,) = {one.folder for one in report.results if one.scan == "ü"}
+    rest = [output / one.folder for one in report.results if one.scan != "ü"]
+    for other in rest:
+        shutil.rmtree(other)
+    done = output / folder / "done.json"
+    done.write_text(done.read_text().replace(folder, "scans/scan-25fef92407"))
+    (output / folder).rename(output / "scans" / "scan-25fef92407")
+    (again,) = nu.batch(scans / "ü.npz", output, client, **QUICK).results
+    assert (again.status, again.folder) == ("kept", "scans/scan-25fef92407")
