@@ -39,7 +39,9 @@ def test_what_is_unfolded_is_scrolled_into_sight(low: UnpackingWidget, qtbot: Qt
         end = title.mapTo(scroll.widget(), title.rect().bottomLeft()).y()
         scroll.verticalScrollBar().setValue(end - scroll.viewport().height() + GAP)
         press(qtbot, title)
-        qtbot.waitUntil(lambda folded=folded: in_sight(low, folded), timeout=2000)
+        # Until all is laid out.
+        qtbot.wait(400)
+        qtbot.waitUntil(lambda folded=folded: in_sight(low, folded), timeout=5000)
         press(qtbot, title)
 
 
@@ -48,7 +50,7 @@ def test_the_buttons_of_a_review_are_in_sight_and_stay_where_they_are(
 ) -> None:
     review = low.objects.review
     press(qtbot, review.toggle)
-    qtbot.waitUntil(lambda: in_sight(low, review.save), timeout=2000)
+    qtbot.waitUntil(lambda: in_sight(low, review.save), timeout=5000)
     top = review.picture.y()
     review.sentence.setText("<b>1 of 28</b> Object 2<br>Is the orange one a thing, or so?")
     qtbot.wait(100)
@@ -64,12 +66,12 @@ def test_an_export_is_begun_in_sight_of_its_cancel_and_grey_buttons_say_why(
     use = files.save.toolTip()
     files.export_to(movie, tmp_path / "unpacking.gif")
     assert not in_sight(low, files.progress)
-    qtbot.waitUntil(lambda: in_sight(low, files.progress), timeout=2000)
+    qtbot.waitUntil(lambda: in_sight(low, files.progress), timeout=5000)
     for grey in (files.open, files.save, files.label_names, files.export):
         assert not grey.isEnabled()
         assert grey.toolTip() == "Wait for the file that is being read or written, or cancel it."
     files.progress.cancel.click()
-    qtbot.waitUntil(lambda: not files.progress.running, timeout=20000)
+    qtbot.waitUntil(lambda: not files.progress.running, timeout=50000)
     assert files.save.isEnabled()
     assert files.save.toolTip() == use
 
