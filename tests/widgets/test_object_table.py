@@ -20,6 +20,7 @@ from napari_unpack.widgets.object_cells import PADDING, SMALLER
 from napari_unpack.widgets.object_columns import MARKS, Column
 from napari_unpack.widgets.object_model import ID, ObjectModel
 from napari_unpack.widgets.object_table import ObjectTable
+from napari_unpack.widgets.objects_pane import FILTERS
 
 DISPLAY = Qt.ItemDataRole.DisplayRole
 
@@ -187,11 +188,25 @@ def test_a_search_that_finds_nothing_says_so(table: ObjectTable) -> None:
 
 
 def test_states_filter_and_follow_the_session(table: ObjectTable, session: SimpleNamespace) -> None:
-    table.rows.keep_states(frozenset({ObjectState.HIDDEN}))
+    table.rows.keep(FILTERS["Hidden"])
     assert _shown(table, Column.NAME) == []
     session.states[5] = ObjectState.HIDDEN
     table.objects.refresh()
     assert _shown(table, Column.STATE) == ["hidden"]
+
+
+def test_what_is_flagged_or_has_a_note_is_listed_alone(
+    table: ObjectTable, session: SimpleNamespace
+) -> None:
+    table.rows.keep(FILTERS["Flagged"])
+    session.annotations.flags[5] = "cleared"
+    session.annotations.notes[8] = "look at this"
+    table.objects.refresh()
+    assert _shown(table, Column.NAME) == ["Shoe"]
+    table.rows.keep(FILTERS["With a note"])
+    assert _shown(table, Column.NAME) == ["Object 2"]
+    table.rows.keep(FILTERS["All"])
+    assert len(_shown(table, Column.NAME)) == 3
 
 
 def test_only_rows_that_changed_are_told(table: ObjectTable, session: SimpleNamespace) -> None:
@@ -351,6 +366,20 @@ def test_columns_show_where_there_is_room_and_confidence_first(table: ObjectTabl
     assert table.rowHeight(0) == 24
     assert shown(700) == [True, True, True]
     assert not table.horizontalScrollBar().isVisible()
+
+
+def test_a_column_that_is_chosen_is_seen_and_the_state_stays_beneath_the_name(
+    table: ObjectTable,
+) -> None:
+    # The panel's own width, less its margins and two bars to scroll.
+    table.resize(274, 240)
+    note = next(one for one in table.columns_menu().actions() if one.text() == "Note")
+    note.trigger()
+    header = table.horizontalHeader()
+    end = header.sectionViewportPosition(Column.NOTE) + header.sectionSize(Column.NOTE)
+    assert 0 < end <= table.viewport().width()
+    assert table.isColumnHidden(Column.STATE)
+    assert table.rowHeight(0) > 24
 
 
 def test_names_and_states_are_whole_in_the_narrow_panel(

@@ -242,9 +242,31 @@ def test_points_are_typed_and_what_cannot_be_is_told(qtbot: QtBot, monkeypatch) 
     assert len(told) == 1
     assert "densities ascending and opacities from 0 to 1" in warned[0]
     assert line.text() == "0 0, 700 0.25, 3000 1"
-    for wrong in ("", "1 0", "1 0, 1 1", "2 0, 1 1", "0 0, 1 2"):
+    for wrong in ("", "1 0", "1 0, 1 1", "2 0, 1 1", "0 0, 1 2", "0 0,5 0, 1"):
         with pytest.raises(ValueError, match="pairs of density and opacity"):
             points_of(wrong)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "0 0; 144,38 0; 311 0,2", "0 0, 144,38 0, 311 0,2", "0 0; 144.38 0; 311 0.2",
+        "0 0,144.38 0,311 0.2", "0 0;144,38 0,0; 311 0.2",
+    ],
+)  # fmt: skip
+def test_an_opacity_curve_is_read_with_points_and_with_decimal_commas(text: str) -> None:
+    assert points_of(text) == [(0.0, 0.0), (144.38, 0.0), (311.0, 0.2)]
+
+
+def test_a_usual_curve_is_shown_with_as_many_digits_as_fit(panel: Any) -> None:
+    line = panel.color.typed
+    line.show_points(
+        [(0.0, 0.0), (96.462, 0.0), (214.36, 0.2), (415.0, 0.4), (2316.5, 0.65), (30000.0, 1.0)]
+    )
+    assert line.text() == "0 0, 96.5 0, 214 0.2, 415 0.4, 2316 0.65, 30000 1"
+    # Scans that are scaled to 0 to 1.
+    line.show_points([(0.0, 0.0), (0.12345, 0.2), (1.0, 1.0)])
+    assert line.text() == "0 0, 0.123 0.2, 1 1"
 
 
 @pytest.mark.parametrize(
@@ -252,7 +274,7 @@ def test_points_are_typed_and_what_cannot_be_is_told(qtbot: QtBot, monkeypatch) 
     [
         (
             [(0.0, 0.0), (1234.567, 0.0012345), (30000.0, 0.5)],
-            "0 0, 1234.6 0.00123, 30000 0.5",
+            "0 0, 1235 0.00123, 30000 0.5",
             "6, 31000 1",
             [(0.0, 0.0), (1234.567, 0.0012345), (30000.0, 0.6), (31000.0, 1.0)],
         ),

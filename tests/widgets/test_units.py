@@ -353,6 +353,19 @@ def test_a_pasted_number_whose_comma_may_stand_for_thousands_is_refused_in_a_sen
     assert len(notification_manager.records) == before + 1
 
 
+@pytest.mark.parametrize("text", ["1.234,5", "1,234.5", "1.234.567"])
+def test_a_number_with_two_separators_is_not_cut_short_without_a_word(
+    panel: Any, text: str
+) -> None:
+    box = panel.segment.options.smallest
+    box.setDecimals(1)
+    field, before = box.findChild(QLineEdit), len(notification_manager.records)
+    field.selectAll()
+    QTest.keyClicks(field, text)
+    (said,) = [notice.message for notice in notification_manager.records[before:]]
+    assert said == "A number has one point or comma, before its decimals, as in 1234.5."
+
+
 def test_a_voxel_size_typed_in_micrometres_is_that_of_a_layer_in_micrometres(
     viewer: Any, panel: Any
 ) -> None:

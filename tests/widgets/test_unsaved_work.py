@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import Qt
 from qtpy.QtWidgets import QFileDialog, QMessageBox
@@ -232,6 +233,8 @@ def test_what_is_done_during_a_segmentation_is_asked_for_and_its_labels_are_kept
     assert panel.workspace.session is session
     assert panel.unsaved.changed
     assert "bag objects" in [layer.name for layer in viewer.layers]
+    told = [notice.message for notice in notification_manager.records]
+    assert any("The new objects are kept in the layer 'bag objects'" in one for one in told)
 
 
 def test_what_waits_while_the_window_is_closed_is_not_shown_in_it(

@@ -195,6 +195,9 @@ EXPORTS = (
     ),
 )
 
+# Of the one file at a time.
+BUSY = "Wait for the file that is being read or written, or cancel it."
+
 WHOLE = "Session with its volume (*.unpack *.zip)"
 REFERRING = "Small session that refers to the volume's file (*.unpack *.zip)"
 
@@ -288,6 +291,8 @@ class FilesSection(Section):
         self.progress = TaskProgress(
             workspace.scheduler, "Stop; no unfinished file is left.", "Files"
         )
+        controls = (self.open, self.save, self.label_names, self.export)
+        self._uses = {control: control.toolTip() for control in controls}
         self._arrange()
 
         self.open.clicked.connect(self._ask_open)
@@ -312,10 +317,11 @@ class FilesSection(Section):
         action.setEnabled(session is not None and kind.there(session))
 
     def _refresh(self) -> None:
-        idle = not self.progress.running
-        self.open.setEnabled(idle)
-        for control in (self.save, self.label_names, self.export):
-            control.setEnabled(idle and self._workspace.session is not None)
+        busy, empty = self.progress.running, self._workspace.session is None
+        for control, use in self._uses.items():
+            lacking = empty and control is not self.open
+            control.setEnabled(not busy and not lacking)
+            control.setToolTip(BUSY if busy else "Available after step 1." if lacking else use)
         self.lock(None)
 
     def save_to(
@@ -471,7 +477,7 @@ class FilesSection(Section):
     ) -> None:
         # A second file would hide the progress of the first.
         if self.progress.running:
-            notifications.inform("Wait for the file that is being written, or cancel it.")
+            notifications.inform(BUSY)
             failed()
             return
         self._then, self._failed = then, failed

@@ -58,7 +58,7 @@ class InspectionBox(KeepsKeyboard, QWidget):
         self.cut = QSlider(Qt.Orientation.Horizontal)
         self.cut.setRange(0, 100)
         self.cut.setToolTip("Cut the object open from your side; the cut ends with the inspection.")
-        self.open = button("Open", "Show what is inside the object as a bag of its own.", True)
+        self.open = button("Open", "Show what is inside the object as a bag of its own.")
         self.reset = button("Reset", "Take the cut and the object's own opacity curve away.")
         contents = column(self)
         contents.addWidget(self.facts)

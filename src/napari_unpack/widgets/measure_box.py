@@ -11,7 +11,7 @@ from napari_unpack.viewer.plain_text import literal
 from napari_unpack.viewer.ruler_tool import RulerTool
 from napari_unpack.widgets.narrow import Check
 from napari_unpack.widgets.notifications import errors_shown
-from napari_unpack.widgets.section import LAID_OUT_MS, Collapsible, button, label, row, scroll_to
+from napari_unpack.widgets.section import Collapsible, button, label, row, scroll_to_new
 from napari_unpack.widgets.workspace import Change, Workspace
 
 # Rows seen at once; more are scrolled to.
@@ -104,7 +104,7 @@ class MeasureBox(Collapsible):
         self.next_click.setText(sentence)
         self.next_click.setVisible(bool(sentence))
         if sentence:
-            self._workspace.scheduler.later(LAID_OUT_MS, lambda: scroll_to(self.next_click))
+            scroll_to_new(self.next_click, self._workspace.scheduler)
 
     def _show_tool(self) -> None:
         count = 0 if self._tool is None else self._tool.count

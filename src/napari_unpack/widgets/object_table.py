@@ -30,7 +30,6 @@ from qtpy.QtWidgets import (
     QTableView,
 )
 
-from napari_unpack.session.object_state import ObjectState
 from napari_unpack.widgets.object_cells import (
     DRAWN,
     PADDING,
@@ -39,7 +38,14 @@ from napari_unpack.widgets.object_cells import (
     NameDelegate,
     TextDelegate,
 )
-from napari_unpack.widgets.object_columns import MARKS, SHORT_TITLES, Column, choice_of, sought
+from napari_unpack.widgets.object_columns import (
+    MARKS,
+    SHORT_TITLES,
+    Column,
+    Row,
+    choice_of,
+    sought,
+)
 from napari_unpack.widgets.object_model import ID, Index, ObjectModel
 from napari_unpack.widgets.remembered import ChosenColumns
 from napari_unpack.widgets.sorted_rows import SortedRows
@@ -103,7 +109,7 @@ WHERE_ROOM = ORDER[5:]
 
 
 class ObjectFilter(QSortFilterProxyModel):
-    """Sort by any column; keep rows by a text in name, note or flag, or by state.
+    """Sort by any column; keep rows by a text in name, note or flag, or by what is known of them.
 
     Parameters
     ----------
@@ -115,7 +121,7 @@ class ObjectFilter(QSortFilterProxyModel):
         super().__init__(parent)
         self._model, self._sorted = model, SortedRows(model, self)
         self._text = ""
-        self._states: frozenset[ObjectState] | None = None
+        self._listed: Callable[[Row], bool] = lambda row: True
         self._short = False
         self.setSourceModel(self._sorted)
 
@@ -151,9 +157,9 @@ class ObjectFilter(QSortFilterProxyModel):
         self._text = sought(text.strip())
         self._renew()
 
-    def keep_states(self, states: frozenset[ObjectState] | None) -> None:
-        """Keep the objects in these states, or in any for None."""
-        self._states = states
+    def keep(self, listed: Callable[[Row], bool]) -> None:
+        """Keep the objects of which something is true."""
+        self._listed = listed
         self._renew()
 
     def shorten_titles(self, short: bool) -> None:
@@ -196,9 +202,8 @@ class ObjectFilter(QSortFilterProxyModel):
             Invalid: the model has no levels.
         """
         told = self._model.row_at(self._sorted.source_row(row))
-        if self._states is not None and told.state not in self._states:
-            return False
-        return self._text in told.searched or self._text == str(told.label)
+        found = self._text in told.searched or self._text == str(told.label)
+        return found and self._listed(told)
 
 
 @dataclass(frozen=True)
@@ -321,7 +326,7 @@ class ObjectTable(QTableView):
             if narrow:
                 widths = self._measured(SHORT_TITLES)
                 shown = self._fitting(widths, [c for c in ALWAYS if c != Column.STATE], wanted)
-        self._names.says_state = narrow
+        self._names.says_state = Column.STATE not in shown
         self.rows.shorten_titles(narrow)
         # Setting widths resizes the view, which would call this again without end.
         if widths != self._widths:
@@ -402,6 +407,10 @@ class ObjectTable(QTableView):
     def _choose(self, column: Column, shown: bool) -> None:
         now = {each for each in Column if not self.isColumnHidden(each)}
         self._choose_columns(now | {column} if shown else now - {column})
+        if shown:
+            # Else one beyond the edge would come unseen. Qt knows only later how wide it all is.
+            self.updateGeometries()
+            self.scrollTo(self.rows.index(max(self.rowAt(0), 0), column))
 
     def _choose_columns(self, columns: set[Column] | None) -> None:
         self._columns.choose(columns)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from qtpy.QtCore import Qt
@@ -11,7 +12,7 @@ from napari_unpack.session.object_state import ObjectState
 from napari_unpack.widgets.color_chooser import ColorChooser
 from napari_unpack.widgets.commands import Commands, objects_in
 from napari_unpack.widgets.narrow import Choice, Field
-from napari_unpack.widgets.object_columns import FLAG_ROUND
+from napari_unpack.widgets.object_columns import FLAG_ROUND, Row
 from napari_unpack.widgets.object_menu import ObjectMenu
 from napari_unpack.widgets.object_model import ObjectModel
 from napari_unpack.widgets.object_table import ObjectTable
@@ -21,11 +22,13 @@ from napari_unpack.widgets.workspace import Change, Workspace
 if TYPE_CHECKING:
     from qtpy.QtCore import QPoint
 
-FILTERS: dict[str, frozenset[ObjectState] | None] = {
-    "All": None,
-    "In the bag": frozenset({ObjectState.PACKED}),
-    "Unpacked": frozenset(ObjectState) - {ObjectState.PACKED, ObjectState.HIDDEN},
-    "Hidden": frozenset({ObjectState.HIDDEN}),
+FILTERS: dict[str, Callable[[Row], bool]] = {
+    "All": lambda row: True,
+    "In the bag": lambda row: row.state is ObjectState.PACKED,
+    "Unpacked": lambda row: row.state not in (ObjectState.PACKED, ObjectState.HIDDEN),
+    "Hidden": lambda row: row.state is ObjectState.HIDDEN,
+    "Flagged": lambda row: row.flag is not None,
+    "With a note": lambda row: bool(row.note),
 }
 
 
@@ -65,13 +68,15 @@ class ObjectsPane(QWidget):
         )
         self.filter = Choice(*FILTERS)
         self.filter.setAccessibleName("Which objects are listed")
-        self.filter.setToolTip("List all objects, or only those in the bag, unpacked or hidden.")
+        self.filter.setToolTip(
+            "List all objects, or only those in the bag, unpacked, hidden, flagged or with a note."
+        )
         contents = column(self)
         contents.addWidget(row(self.search, self.filter))
         contents.addWidget(self.table, stretch=1)
         table = self.table
         self.search.textChanged.connect(table.rows.keep_text)
-        self.filter.currentTextChanged.connect(lambda text: table.rows.keep_states(FILTERS[text]))
+        self.filter.currentTextChanged.connect(lambda text: table.rows.keep(FILTERS[text]))
         # Rows that come back are selected as they were.
         self.search.textChanged.connect(lambda _: self.show_selection())
         self.filter.currentTextChanged.connect(lambda _: self.show_selection())

@@ -16,7 +16,7 @@ from napari_unpack.widgets.objects_pane import ObjectsPane
 from napari_unpack.widgets.repair_tools import RepairTools
 from napari_unpack.widgets.reveal_box import RevealPlanner
 from napari_unpack.widgets.review_box import ReviewBox
-from napari_unpack.widgets.section import LAID_OUT_MS, Section, button, label, row, scroll_to
+from napari_unpack.widgets.section import Section, button, label, row, scroll_to_new
 from napari_unpack.widgets.table_dock import TableButton
 from napari_unpack.widgets.workspace import Change, Workspace
 
@@ -151,8 +151,7 @@ class ObjectsSection(Section):
         self.next_click.setText(sentence)
         self.next_click.setVisible(bool(sentence))
         if sentence:
-            # Only where it stands once it is laid out.
-            self._workspace.scheduler.later(LAID_OUT_MS, lambda: scroll_to(self.next_click))
+            scroll_to_new(self.next_click, self._workspace.scheduler)
 
     def new_pane(self, key: str) -> ObjectsPane:
         """Make another table of these objects, with the same model, selection and menu."""

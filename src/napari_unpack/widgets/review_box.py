@@ -16,7 +16,7 @@ from napari_unpack.viewer.scheduler import Worker
 from napari_unpack.widgets.file_names import ask_where_to_write
 from napari_unpack.widgets.notifications import errors_shown
 from napari_unpack.widgets.repair_tools import RepairTools
-from napari_unpack.widgets.section import Collapsible, button, label, row
+from napari_unpack.widgets.section import Collapsible, button, keep_lines, label, row
 from napari_unpack.widgets.workspace import Change, Workspace
 
 if TYPE_CHECKING:
@@ -82,6 +82,8 @@ class ReviewBox(Collapsible):
         for said in KEYS.values():
             self.answers[said].clicked.connect(partial(self.answer, said))
         self.save.clicked.connect(self._ask_where_to_save)
+        # The buttons stay where they are from question to question.
+        self.toggle.toggled.connect(lambda _: keep_lines(self.sentence, 3))
         self.toggle.toggled.connect(lambda _: self._ask())
         repair.busy.connect(lambda _: self._enable())
         workspace.switched.connect(self._follow)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -24,6 +25,8 @@ from napari_unpack.widgets.theme import GAP, LABELS
 
 if TYPE_CHECKING:
     from qtpy.QtGui import QMouseEvent
+
+    from napari_unpack.viewer.scheduler import Scheduler
 
 # Until what was shown or hidden has moved all that lies around it, box by box.
 LAID_OUT_MS = 50
@@ -203,6 +206,17 @@ def scroll_to(widget: QWidget) -> None:
     bar.setValue(min(max(bar.value(), lowest), highest))
 
 
+def scroll_to_new(widget: QWidget, scheduler: Scheduler) -> None:
+    """Scroll the panel to what appears in it now, once that is laid out.
+
+    Parameters
+    ----------
+    widget : QWidget
+    scheduler : Scheduler
+    """
+    scheduler.later(LAID_OUT_MS, partial(scroll_to, widget))
+
+
 def order_tabs(layout: QLayout) -> None:
     """Have Tab go through a layout as it is laid out, whatever was made first."""
     widgets = list(_laid_out(layout))
@@ -252,6 +266,22 @@ def keep_room(widget: QWidget) -> None:
     policy = widget.sizePolicy()
     policy.setRetainSizeWhenHidden(True)
     widget.setSizePolicy(policy)
+
+
+def keep_lines(sentence: QLabel, count: int) -> None:
+    """Have a label of rich text keep room for some lines, so that what is below it stays.
+
+    Parameters
+    ----------
+    sentence : QLabel
+        In the font that it is shown in: of what was not shown yet that is another.
+    count : int
+    """
+    text = sentence.text()
+    sentence.setText("<br>".join("x" * count))
+    sentence.setMinimumHeight(0)
+    sentence.setMinimumHeight(sentence.sizeHint().height())
+    sentence.setText(text)
 
 
 def button(text: str, tooltip: str, primary: bool = False) -> Button:

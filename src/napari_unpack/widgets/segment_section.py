@@ -364,8 +364,7 @@ class SegmentSection(Section):
         elif self._order is not None:
             show = partial(self._show, self._order, result, monotonic() - self._begun)
             # Once more for what was done while the objects were found.
-            # Where they are not wanted now, their labels are there all the same.
-            keep = partial(self._labels_layer, self._order, result, self._order.image.visible)
+            keep = partial(self._keep, self._order, result)
             self._unsaved.ask("The new objects take its place.", show, cancelled=keep)
 
     def _show(self, order: _Order, built: BuiltSession, seconds: float) -> None:
@@ -395,6 +394,14 @@ class SegmentSection(Section):
             self._unsaved.found_in(seconds)
         if self._then is not None:
             self._then()
+
+    def _keep(self, order: _Order, built: BuiltSession) -> None:
+        """Have the labels of objects that are not wanted now all the same, and say where."""
+        kept = self._labels_layer(order, built, order.image.visible)
+        notifications.inform(
+            f"The new objects are kept in the layer {kept.name!r}: step 1 unpacks them where it is "
+            "chosen as Objects."
+        )
 
     def _labels_layer(self, order: _Order, built: BuiltSession, visible: bool) -> Labels:
         """Return the layer of an order's objects, a new one where they are new."""

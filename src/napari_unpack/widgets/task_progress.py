@@ -12,7 +12,7 @@ from qtpy.QtWidgets import QAbstractButton, QHBoxLayout, QProgressBar, QWidget
 from napari_unpack.tasks import Cancelled, Progress, Task, TaskResult
 from napari_unpack.viewer.scheduler import Scheduler, Worker
 from napari_unpack.widgets.kept_keyboard import KeepsKeyboard
-from napari_unpack.widgets.section import button, column, label
+from napari_unpack.widgets.section import button, column, label, scroll_to_new
 
 # More than the bar has pixels, so that it moves without steps.
 STEPS = 1000
@@ -133,6 +133,9 @@ class TaskProgress(KeepsKeyboard, QWidget):
         # A button that is disabled now would hand the keyboard to any other. Of the window: after a
         # dialog it may not be the active one yet.
         focused, home = self.window().focusWidget(), self.parentWidget()
+        # What was begun elsewhere, by a file dropped on the picture say, leaves the panel in place.
+        if home and not home.visibleRegion().isEmpty():
+            scroll_to_new(self, self._scheduler)
         by_key = isinstance(focused, QAbstractButton) and home and home.isAncestorOf(focused)
         self._began_it = focused if by_key else None
         if by_key:

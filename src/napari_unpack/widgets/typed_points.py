@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from itertools import pairwise
 
@@ -10,6 +11,9 @@ from qtpy.QtWidgets import QLineEdit
 
 from napari_unpack.widgets.notifications import errors_shown
 from napari_unpack.widgets.opacity_editor import Point
+
+# Between pairs; a comma among digits may be within a number.
+BETWEEN = re.compile(r";|,(?!\d)|(?<!\d),")
 
 
 class TypedPoints(QLineEdit):
@@ -26,7 +30,8 @@ class TypedPoints(QLineEdit):
         self._written: dict[Point, Point] = {}
         self.setAccessibleName("Points of the opacity curve")
         self.setToolTip(
-            "Density and opacity of each point, as in 0 0, 500 0.2, 4000 0.6; press Enter."
+            "Density and opacity of each point, as in 0 0, 500 0.2, 4000 0.6; press Enter. "
+            "Decimal commas are read too."
         )
         self.editingFinished.connect(self._read)
 
@@ -60,7 +65,7 @@ def points_text(points: Iterable[Point]) -> str:
     """Write points as a line of numbers."""
     points = list(points)
     # Two densities that look alike get more digits: they would ascend no longer.
-    rounded = ([f"{density:.{digits}g}" for density, _ in points] for digits in range(5, 18))
+    rounded = ([_rounded(density, digits) for density, _ in points] for digits in range(3, 18))
     densities = next(texts for texts in rounded if len(set(texts)) == len(points))
     return ", ".join(
         f"{d} {opacity:.3g}" for d, (_, opacity) in zip(densities, points, strict=True)
@@ -89,6 +94,16 @@ def points_of(text: str) -> list[Point]:
     return points
 
 
+def _rounded(density: float, digits: int) -> str:
+    """Write a density with so many digits, more where it is whole anyway."""
+    whole = f"{density:.0f}"
+    return whole if len(whole.lstrip("-")) >= digits else f"{density:.{digits}g}"
+
+
 def _numbers(text: str) -> list[Point]:
-    pairs = [part.split() for part in text.replace(";", ",").split(",") if part.strip()]
+    pairs = [part.split() for part in re.split("[,;]", text) if part.strip()]
+    if any(len(pair) != 2 for pair in pairs):
+        # Commas among digits are within numbers then: read as above, no comma within one leaves
+        # pairs.
+        pairs = [part.replace(",", ".").split() for part in BETWEEN.split(text) if part.strip()]
     return [(float(density), float(opacity)) for density, opacity in pairs]

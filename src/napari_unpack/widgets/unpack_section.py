@@ -22,6 +22,7 @@ from napari_unpack.widgets.section import (
     button,
     column,
     form,
+    keep_lines,
     keep_room,
     label,
     row,
@@ -114,8 +115,6 @@ class UnpackSection(Section):
         )
         self.sentence = label("", "hint", wrap=True, rich=True)
         self.sentence.setTextInteractionFlags(Qt.TextInteractionFlag.LinksAccessibleByMouse)
-        # As many lines as it ever has: the table below stays where it is.
-        self.sentence.setMinimumHeight(3 * self.sentence.fontMetrics().lineSpacing())
         self.sentence.setAlignment(Qt.AlignmentFlag.AlignTop)
         self.use_best = button(
             "Use that direction",
@@ -229,6 +228,8 @@ class UnpackSection(Section):
         controller = self._workspace.controller
         self._unpackable = None
         self.lock("Available after step 1." if controller is None else None)
+        # As many as it ever has: the table below stays where it is.
+        keep_lines(self.sentence, 3)
         if controller is not None:
             # Shown, not set: the controls would write the values back.
             controls = (self.speed, self.backend, self.take_least, self.perspective)

@@ -36,7 +36,14 @@ from napari_unpack.widgets.objects_section import ObjectsSection
 from napari_unpack.widgets.recovery import RecoveryBar, RecoveryKeeper
 from napari_unpack.widgets.reveal_box import RevealPlanner
 from napari_unpack.widgets.review_box import KEYS
-from napari_unpack.widgets.section import Collapsible, label, order_tabs, rule, scroll_to
+from napari_unpack.widgets.section import (
+    Collapsible,
+    label,
+    order_tabs,
+    rule,
+    scroll_to,
+    scroll_to_new,
+)
 from napari_unpack.widgets.segment_section import SegmentSection
 from napari_unpack.widgets.shortcuts import PANE_KEY, Shortcuts, help_text
 from napari_unpack.widgets.slices_button import SlicesButton
@@ -172,6 +179,8 @@ class UnpackingWidget(QWidget):
         keys = Collapsible("Keys and mouse", "What the keys and the mouse do in the 3D view.")
         keys.contents.addWidget(label(help_text(), "hint", wrap=True, rich=True))
         column.addWidget(keys)
+        for folded in inside.findChildren(Collapsible):
+            folded.toggle.toggled.connect(partial(self._show_opened, folded))
         order_tabs(column)
         scroll = QScrollArea()
         scroll.setWidgetResizable(True)
@@ -218,6 +227,11 @@ class UnpackingWidget(QWidget):
         by_keys = before is not None and QApplication.mouseButtons() == Qt.MouseButton.NoButton
         if by_keys and focused is not None and self.isAncestorOf(focused):
             scroll_to(focused)
+
+    def _show_opened(self, folded: Collapsible, opened: bool) -> None:
+        """Scroll to what was unfolded."""
+        if opened:
+            scroll_to_new(folded, self.workspace.scheduler)
 
     def _go_to_pane(self, step: int) -> None:
         """Hand the keyboard from the 3D view to the panel, to our docks, and around."""

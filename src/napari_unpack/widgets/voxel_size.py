@@ -179,6 +179,6 @@ def edges_of(text: str) -> tuple[float, float, float]:
         if told and all(0 < edge < math.inf for edge in (z, y, x)):
             return z, y, x
     raise ValueError(
-        "a voxel size must be three positive numbers, of z, y and x, with points and spaces as in "
-        f"3 0.5 0.5; got {text!r}"
+        "a voxel size must be three positive numbers, of z, y and x, as in 3 0.5 0.5, without "
+        f"commas that may mean thousands; got {text!r}"
     )
