@@ -484,3 +484,51 @@ def test_restored_in_the_air_all_go_on_from_where_they_are():
         np.testing.assert_allclose(
             place, session.camera.linear @ (center - session.camera.center), atol=1e-6
         )
+
+
+def nearly_free_once_the_plate_has_left() -> Session:
+    """Return a bag, seen along z: 2 holds 1 by one voxel in a hundred, and plate 3 by half."""
+    labels = np.zeros((8, 12, 10), np.uint16)
+    labels[2, :10], labels[0], labels[5, :5] = 1, 2, 3
+    # Over the edge of 1, which lies on it: they hold each other.
+    labels[:4, 11, 0] = labels[3, 9:, 0] = 2
+    session = real_session(labels)
+    session.direction, session.tolerance, session.queries.asks_at_rest = "+z", 0.02, True
+    assert session.unpack(1) == (3,)
+    return session
+
+
+def told_at_rest(session: Session) -> None:
+    """Store what a window finds out as soon as nothing moves."""
+    task = session.queries.occlusion_task(finer=True)
+    assert task is not None
+    assert session.queries.store(task, task.run(no_progress))
+
+
+def test_one_object_leaves_where_the_panel_says_that_one_can():
+    session = nearly_free_once_the_plate_has_left()
+    # So far only what was found with the plate in the bag, by which both leave together.
+    assert session.queue.groups in [(), ((1, 2),)]
+    assert session.unpackable() == (1, 2)
+    told_at_rest(session)
+    assert session.queries.unpackable_groups() == ((1,),)
+    assert session.queue.groups == ((1,),)
+    assert session.unpack(1) == (1,)
+    session.undo()
+    assert states(session, 1, 2, 3) == ["PACKED", "PACKED", "UNPACKED"]
+    assert session.unpackable() == (1,)
+
+
+def test_what_is_known_better_leaves_restored_objects_at_the_head():
+    labels = np.zeros((8, 12, 24), np.uint16)
+    # The bag above, beside it two plates of which nobody stands in the way.
+    labels[2, :10, :10], labels[0, :, :10], labels[5, :5, :10] = 1, 2, 3
+    labels[:4, 11, 0] = labels[3, 9:, 0] = 2
+    labels[6, :4, 12:16], labels[1, :4, 18:22] = 4, 5
+    session = real_session(labels)
+    session.direction, session.tolerance, session.queries.asks_at_rest = "+z", 0.02, True
+    session.unpack([3, 4, 5])
+    session.restore([5])
+    assert session.unpackable()[0] == 5
+    told_at_rest(session)
+    assert session.queue.groups == ((5,), (1,))

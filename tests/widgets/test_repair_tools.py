@@ -61,7 +61,8 @@ def test_two_clicks_split_and_undo_joins(
     layer = viewer.layers["found"]
     press(qtbot, objects.split)
     asked = objects.next_click
-    assert "Click the object to split" in asked.text()
+    assert asked.text().startswith("Click the object to split, on one of its parts.")
+    assert asked.text().endswith("The larger part keeps its number.")
     # The table above fills the panel: what to do next is scrolled into sight.
     qtbot.waitUntil(lambda: asked.visibleRegion().boundingRect() == asked.rect(), timeout=5000)
     click(panel, (12, 20, 16), qtbot)
@@ -72,6 +73,8 @@ def test_two_clicks_split_and_undo_joins(
     assert objects.next_click.isHidden()
     left, right = int(session.labels[12, 20, 16]), int(session.labels[12, 20, 44])
     assert {left, right} == {1, 4}
+    assert np.count_nonzero(session.labels == 1) >= np.count_nonzero(session.labels == 4)
+    assert notification_manager.records[-1].message == "Split off Object 1: Object 1, part."
     qtbot.waitUntil(lambda: objects.model.rowCount() == 4, timeout=20000)
     assert np.array_equal(layer.data, session.labels)
     assert panel.workspace.controller.settle(30)

@@ -104,6 +104,15 @@ def test_reveal_shows_the_least_that_must_leave_and_unpacks_just_those(
     assert set(states(session).values()) <= {"PACKED", "FLYING_BACK"}
 
 
+def test_one_object_that_nothing_blocks_is_no_these(panel: UnpackingWidget, qtbot: QtBot) -> None:
+    box, session = panel.unpack.reveal_box, panel.workspace.session
+    session.direction = "-y"
+    panel.planner.reveal(2)
+    qtbot.waitUntil(lambda: box.take.text() == "Unpack it", timeout=60000)
+    panel.planner.reveal(1)
+    qtbot.waitUntil(lambda: box.take.text() == "Unpack these", timeout=60000)
+
+
 def test_an_arrow_drawn_in_the_picture_is_the_direction(
     panel: UnpackingWidget, qtbot: QtBot
 ) -> None:

@@ -14,8 +14,10 @@ from napari_unpack.io.session_json import state_record
 from napari_unpack.layers import compat
 from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.segmentation.common.joins import JoinLog, Level, Seen, Steps
+from napari_unpack.segmentation.review.doubts import doubts
 from napari_unpack.segmentation.review.evidence import gather
 from napari_unpack.session import Session
+from napari_unpack.session.errors import OutsideError
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import controller_with, press
 
@@ -158,6 +160,37 @@ def test_doubts_about_the_bag_before_are_none_of_the_one_shown(
     panel.workspace.open(after)
     go_on.set()
     assert asked(panel, qtbot, 0).doubt.kind == "join"
+
+
+def test_what_is_in_the_bag_is_asked_first_and_the_rest_waits_until_it_is_restored(
+    panel: UnpackingWidget, session: Any, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    evidence = session.review.evidence = bag(5)[2]
+    session.animated = False
+    task = session.review.doubts_task()
+    # The cube, too small to be worth a question, is asked about as well.
+    every = replace(task, run=lambda _: doubts(evidence, session.labels, (), share=1.0))
+    assert [d.objects for d in every.run(None)] == [(BAR, BAR), (BAR, 0), (CUBE, 0)]
+    monkeypatch.setattr(session.review, "doubts_task", lambda: every)
+    session.force_unpack(BAR)
+    panel.objects.review.toggle.setChecked(True)
+    box = asked(panel, qtbot, 0)
+    assert box.doubt.objects == (CUBE, 0)
+    assert "Restore" not in box.sentence.text()
+    assert box.answers["nothing"].isEnabled()
+    assert box.answers["same"].toolTip() == "It is an object: leave it as it is (S)."
+    session.force_unpack(CUBE)
+    box.toggle.setChecked(False)
+    box.toggle.setChecked(True)
+    qtbot.waitUntil(lambda: box.doubt is not None and box.doubt.kind == "join", timeout=20000)
+    assert box.sentence.text().endswith("Restore Object 1 to change it.")
+    offered = {said for said, one in box.answers.items() if one.isEnabled()}
+    assert offered == {"same", "skip"}
+    session.restore([BAR])
+    qtbot.waitUntil(lambda: box.answers["different"].isEnabled(), timeout=5000)
+    assert "Restore" not in box.sentence.text()
+    with pytest.raises(OutsideError, match=r"^Object 2 must be in the bag"):
+        session.label_editor.change_task("review", [CUBE, CUBE], lambda *_: None)
 
 
 def test_labels_of_ones_own_have_no_questions_and_keys_then_do_nothing(

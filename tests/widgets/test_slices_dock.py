@@ -65,6 +65,23 @@ def slices(panel: Any, piled: Any, qtbot: QtBot) -> Any:
     )  # fmt: skip
 
 
+def test_what_is_said_of_the_voxel_is_true_after_a_repair_and_a_new_name(
+    slices: Any, qtbot: QtBot
+) -> None:
+    session, said = slices.session, slices.dock.where.text
+    z, y, x = CENTERS[0]
+    slices.linked.point_at((z, y, x))
+    assert said().startswith("Object 1, ")
+    before = said()
+    session.split(1, (z, y - 3, x), (z, y + 3, x))
+    qtbot.waitUntil(lambda: said() != before, timeout=5000)
+    name = session.objects["name"][int(session.labels[z, y, x])]
+    assert said().startswith(f"{name}, ")
+    assert said().split("\n")[1] == before.split("\n")[1]
+    session.rename(int(session.labels[z, y, x]), "Half a ball")
+    qtbot.waitUntil(lambda: said().startswith("Half a ball, "), timeout=5000)
+
+
 def test_the_crosshair_follows_the_mouse_over_a_slice_into_the_others_and_the_3d_view(
     slices: Any, qtbot: QtBot
 ) -> None:

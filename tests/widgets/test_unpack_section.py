@@ -55,6 +55,27 @@ def test_the_unpackable_objects_are_counted_and_marked_for_every_direction(
     assert panel.unpack.sentence.text() == "3 of 5 are unpackable now."
 
 
+def test_the_count_tells_what_leaves_together(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    # Bars that hook into each other along z; seen from there none is unpackable alone.
+    labels = np.zeros((12, 12, 12), np.uint16)
+    for y, (a, b) in {0: (1, 2), 6: (3, 4)}.items():
+        labels[8, y : y + 4, :5] = labels[2, y : y + 4, 5:10] = labels[2:9, y, 4:6] = a
+        labels[4, y + 1 : y + 4, :5] = labels[6, y + 1 : y + 4, 5:10] = b
+        labels[4:7, y + 3, 4:6] = b
+    layer = viewer.add_labels(labels, name="hooks")
+    viewer.add_image(np.where(labels > 0, 1000, 0).astype(np.uint16), name="bag")
+    session = controller_with(panel, qtbot, layer)
+    session.direction, sentence = "+z", panel.unpack.sentence
+    qtbot.waitUntil(lambda: sentence.text().startswith("4 of 4"), timeout=20000)
+    assert sentence.text() == "4 of 4 are unpackable now, 2 and 2 together."
+    panel.workspace.controller.seconds = 0.1
+    panel.commands.unpack(1)
+    qtbot.waitUntil(lambda: sentence.text().startswith("2 of 2"), timeout=20000)
+    assert sentence.text() == "2 of 2 are unpackable now, all together."
+
+
 def test_unpacking_what_is_blocked_says_who_stands_in_front(
     panel: UnpackingWidget, piled: Any, qtbot: QtBot
 ) -> None:

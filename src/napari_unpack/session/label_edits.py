@@ -149,6 +149,14 @@ class LabelEditor:
     def oracle(self, oracle: Callable[[Any], float] | None) -> None:
         self._session.label_data = replace(self._session.label_data, rating=Rating(oracle))
 
+    def outside(self, ids: Iterable[int]) -> list[int]:
+        """Return those of some objects that must be restored before they can be repaired."""
+        session = self._session
+        # On its way back too: the flight shows the voxels it left with.
+        away = session.state.placements.keys() | session.flights.keys()
+        # Each once: both sides of a join are one object.
+        return [i for i in dict.fromkeys(ids) if i in away]
+
     def scores_task(self, oracle: Callable[[Any], float] | None) -> Task[Scores]:
         """Return the task that has another model score every object.
 
@@ -299,7 +307,7 @@ class LabelEditor:
             own, given_ids = _own_ids(given, known)
             return difference(data.labels, own), given_ids
 
-        outside = self._outside(self._session.label_data.known)
+        outside = self.outside(self._session.label_data.known)
         return self._task("paint", change, outside, painted=True)
 
     def change_task(
@@ -414,7 +422,7 @@ class LabelEditor:
         return confidence
 
     def _refuse_outside(self, ids: Iterable[int]) -> None:
-        away = self._outside(ids)
+        away = self.outside(ids)
         if away:
             # What is hidden is not put back.
             first = "restore" if self._session.state.hidden.isdisjoint(away) else "show and restore"
@@ -422,11 +430,6 @@ class LabelEditor:
                 f"{listed_objects(self._session.names(away))} must be in the bag to be repaired: "
                 f"{first} first"
             )
-
-    def _outside(self, ids: Iterable[int]) -> list[int]:
-        session = self._session
-        # On its way back too: the flight shows the voxels it left with.
-        return [i for i in ids if i in session.state.placements or i in session.flights]
 
 
 def _parted(made: LabelEdit, ids: Sequence[int]) -> tuple[LabelEdit, LabelEdit]:

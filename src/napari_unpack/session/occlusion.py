@@ -117,17 +117,18 @@ class OcclusionResult:
     seconds: float
     held: frozenset[int] = frozenset()
 
-    def may_change(self, packed: frozenset[int]) -> bool:
+    def may_change(self, wanted: OcclusionKey) -> bool:
         """Tell whether the question asked anew of fewer packed objects may be answered otherwise.
 
         Rays hold an object at the corners of its neighbours' voxels as well. That tells nothing
-        new while others hold it for sure, and does once one of them has left.
+        new while others hold it for sure, and does once one of them has left. The fewer there
+        are, the more of them are blocked within the tolerance.
         """
-        gone = self.packed - packed
-        if self.blocking is None:
+        gone = self.packed - wanted.packed
+        if self.blocking is None or wanted.tolerance > 0:
             return bool(gone)
         blockers = self.blocking.graph.predecessors
-        return any(not gone.isdisjoint(blockers(i)) for i in self.held & packed)
+        return any(not gone.isdisjoint(blockers(i)) for i in self.held & wanted.packed)
 
     def is_swept(self, ids: Iterable[int], packed: frozenset[int]) -> bool:
         """Tell whether the voxels say who can leave, and all that must before some objects.

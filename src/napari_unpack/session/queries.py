@@ -206,7 +206,7 @@ class Queries:
     ) -> OcclusionResult | None:
         key = key or self._occlusion_key()
         found: OcclusionResult | None = self._cache.find(key, OcclusionKey.covers)
-        return None if found and finer and found.may_change(key.packed) else found
+        return None if found and finer and found.may_change(key) else found
 
     def _occlusion_key(
         self, direction: Vector | None = None, packed: frozenset[int] | None = None
@@ -264,10 +264,8 @@ class Queries:
             return None
         if self._known_occlusion(key.occlusion, finer=chosen is not None) is not None:
             return None
-        queue = session.state.queue
-        if chosen is None and queue.serves(
-            key.occlusion.direction, key.occlusion.packed, session.rules.terms
-        ):
+        asked, terms = key.occlusion, session.rules.terms
+        if chosen is None and session.state.queue.serves(asked.direction, asked.packed, terms):
             return None
         order, visible = self._order(key), session.label_data.visible(key.occlusion.packed)
         rays, boxes = session.ray_queries, session.label_data.boxes
@@ -317,7 +315,7 @@ class Queries:
     # Which objects leave by one command.
 
     def filled_queue(self, queue: Queue, packed: frozenset[int]) -> Queue:
-        """Return a queue, filled where it was dry or made for another D.
+        """Return a queue, filled where it was dry, made for another D, or known better by now.
 
         Parameters
         ----------
@@ -326,7 +324,11 @@ class Queries:
         """
         session, direction, rules = self._session, self.direction, self._session.rules
         if queue.serves(direction, packed, rules.terms):
-            return queue
+            known = self._known_occlusion(self._occlusion_key(packed=packed))
+            if known is None or queue.agrees(known.groups(packed, rules.max_group_size)):
+                return queue
+            # Those of it who can leave after all do so before others, in the order they had.
+            queue = queue.put_back(queue.ids)
         if not packed:
             return queue.refilled((), direction, packed, rules=rules.terms)
         known = self.occlusion(packed=packed, finer=not self.asks_at_rest)
@@ -453,8 +455,8 @@ class Queries:
 
     def forced_removal(self, object_id: int) -> RemovalPlan:
         """Return that one object leaves along D, whatever it meets."""
-        source = self._known_occlusion()
-        return self._plan([(object_id,)], self.direction, source, self._session.state)
+        known, state = self._known_occlusion(), self._session.state
+        return self._plan([(object_id,)], self.direction, known, state)
 
     def _plan(
         self,

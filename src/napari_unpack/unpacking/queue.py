@@ -79,6 +79,12 @@ class Queue:
             return False
         return self.along(direction)
 
+    def agrees(self, groups: Collection[Group]) -> bool:
+        """Tell whether all of it is among what is known to leave now, sorted groups."""
+        if self.least_occluded:
+            return not groups
+        return set(self.groups).issubset(groups)
+
     def along(self, direction: Iterable[float]) -> bool:
         """Tell whether it was filled for this D."""
         if self.direction is None:

@@ -46,7 +46,7 @@ class SplitTool:
         self._controller, self._message, self._done = controller, message, done
         self._first: tuple[int, Voxel] | None = None
         controller.interaction.tool = self
-        message("Click the object to split, on the part that should stay.")
+        message("Click the object to split, on one of its parts. The larger part keeps its number.")
 
     def cancel(self) -> None:
         """Give the clicks back; nothing is split."""

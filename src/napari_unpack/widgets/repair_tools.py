@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from qtpy.QtCore import QObject, Signal
 
+from napari_unpack.session.errors import listed_objects
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.tasks import Cancelled, Task
 from napari_unpack.viewer.scheduler import Worker
@@ -141,8 +142,10 @@ class RepairTools(QObject):
 
     def _split_between(self, found: tuple[int, Voxel, Voxel] | None) -> None:
         self._split_tool = None
-        if found is not None:
-            self._put(lambda editor: editor.split_task(*found))
+        session = self._workspace.document
+        if found is not None and session is not None:
+            split = partial(_split_off, session, found[0])
+            self._put(lambda editor: editor.split_task(*found), split)
 
     def _put(self, task_of: Callable[[LabelEditor], Task[Any]], apply: Apply | None = None) -> None:
         session = self._workspace.session
@@ -231,3 +234,12 @@ def _apply(apply: Apply, edit: EditedLabels | None) -> None:
 def _applied(session: Session, edit: EditedLabels | None) -> bool:
     # None changes nothing, which is no step of undo.
     return edit is None or session.label_editor.apply(edit)
+
+
+def _split_off(session: Session, object_id: int, edit: EditedLabels | None) -> bool:
+    applied = _applied(session, edit)
+    if applied and edit is not None:
+        names = session.objects["name"]
+        new = listed_objects(str(names[i]) for i in edit.new)
+        notifications.inform(f"Split off {names[object_id]}: {new}.")
+    return applied

@@ -184,7 +184,7 @@ class RevealBox(KeepsKeyboard, QWidget):
         self.sentence.setMinimumHeight(3 * self.sentence.fontMetrics().lineSpacing())
         self.sentence.setAlignment(Qt.AlignmentFlag.AlignTop)
         self.take = button(
-            "Unpack these", "Unpack the objects in the way, and this one last.", True
+            "Unpack these", "Unpack the objects in the way, if any, and this one last.", True
         )
         self.cancel = button("Not now", "Hide this plan (Escape).")
         contents = column(self)
@@ -216,6 +216,7 @@ class RevealBox(KeepsKeyboard, QWidget):
             first = [str(names[i]) for i in sorted(plan.first)]
             way = words_of(plan.direction, session.camera)
             self.sentence.setText(sentence(str(names[plan.target]), first, way))
+            self.take.setText("Unpack these" if first else "Unpack it")
 
 
 def sentence(name: str, first: Sequence[str], way: str) -> str:

@@ -12,6 +12,7 @@ from qtpy.QtCore import Qt
 from qtpy.QtGui import QImage, QPixmap
 from qtpy.QtWidgets import QLabel
 
+from napari_unpack.session.errors import listed_objects
 from napari_unpack.viewer.scheduler import Worker
 from napari_unpack.widgets.file_names import ask_where_to_write
 from napari_unpack.widgets.notifications import errors_shown
@@ -33,6 +34,9 @@ QUESTIONS = {
     "border": "Two objects now. Are orange and blue the same thing?",
     "object": "Is the orange one a thing, or specks and streaks?",
 }
+
+SAME_HELP = "They are one object: join them, or leave them joined (S)."
+OBJECT_HELP = "It is an object: leave it as it is (S)."
 
 
 class ReviewBox(Collapsible):
@@ -61,7 +65,7 @@ class ReviewBox(Collapsible):
         )
         self.picture.setAccessibleName("The decision, close up")
         self.answers = {
-            "same": button("Same", "They are one object: join them, or leave them joined (S)."),
+            "same": button("Same", SAME_HELP),
             "different": button(
                 "Different", "They are two objects: cut them, or leave them apart (D)."
             ),
@@ -121,8 +125,9 @@ class ReviewBox(Collapsible):
         if change & (Change.LABELS | Change.REVIEW):
             self._ask()
         elif Change.STATES in change and self.doubt is not None:
-            # Names are among them.
+            # Names are among them, and what has left or come back.
             self._describe(self.doubt)
+            self._enable()
 
     def _ask(self) -> None:
         """Have the doubts found, where somebody looks at them."""
@@ -144,7 +149,9 @@ class ReviewBox(Collapsible):
         # Of another session, or of before the last answer: its own will come.
         if session is not self._workspace.session or answers is not session.review.answers:
             return
-        self._left = left
+        # First what can be answered as it is; among equals the order stays.
+        outside = session.label_editor.outside
+        self._left = sorted(left, key=lambda d: bool(outside(d.objects)))
         doubt, done = self.doubt, len(session.review.answers)
         if doubt is None:
             self.picture.clear()
@@ -170,6 +177,9 @@ class ReviewBox(Collapsible):
                 f"<b>{done + 1} of {done + len(self._left)}</b> {escape(' and '.join(of))}"
                 f"<br>{QUESTIONS[doubt.kind]}"
             )
+            if away := session.label_editor.outside(doubt.objects):
+                names = escape(listed_objects(str(objects[i]) for i in sorted(away)))
+                self.sentence.setText(f"{self.sentence.text()}<br>Restore {names} to change it.")
 
     def _show_picture(self, doubt: Doubt, pixels: NDArray[np.uint8]) -> None:
         if doubt is not self.doubt:
@@ -185,14 +195,16 @@ class ReviewBox(Collapsible):
     def _enable(self) -> None:
         session, doubt = self._workspace.session, self.doubt
         idle = doubt is not None and not self._repair.running
-        for said, pressed in self.answers.items():
+        away = session and doubt and session.label_editor.outside(doubt.objects)
+        for said in KEYS.values():
+            pressed = self.answers[said]
             offered = doubt is None or doubt.kind != "object" or said != "different"
             # A hidden button alone would still answer by its key.
-            pressed.setEnabled(idle and offered)
+            pressed.setEnabled(idle and offered and not (away and doubt and doubt.changed_by(said)))
             pressed.setVisible(offered)
-        self.answers["same"].setText(
-            "An object" if doubt is not None and doubt.kind == "object" else "Same"
-        )
+        alone = doubt is not None and doubt.kind == "object"
+        self.answers["same"].setText("An object" if alone else "Same")
+        self.answers["same"].setToolTip(OBJECT_HELP if alone else SAME_HELP)
         self.save.setEnabled(session is not None and bool(session.review.answers))
 
     def _ask_where_to_save(self) -> None:

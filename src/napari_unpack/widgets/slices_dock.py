@@ -18,7 +18,7 @@ from napari_unpack.widgets.section import button, column, form, label, row
 from napari_unpack.widgets.slice_view import AXES, SliceView
 from napari_unpack.widgets.theme import GAP
 from napari_unpack.widgets.wheel_guard import WheelGuard
-from napari_unpack.widgets.workspace import Workspace
+from napari_unpack.widgets.workspace import Change, Workspace
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -132,6 +132,7 @@ class SlicesDock(DockContents):
         self.center.clicked.connect(self._center)
         self.fit.clicked.connect(self._fit)
         self._workspace.switched.connect(self.follow)
+        self._workspace.changed.connect(self._hear)
 
     def end(self) -> None:
         """Show nothing more, and stop listening."""
@@ -139,6 +140,7 @@ class SlicesDock(DockContents):
         if self._linked is not None:
             self._linked.close()
         self._workspace.switched.disconnect(self.follow)
+        self._workspace.changed.disconnect(self._hear)
 
     def take_keyboard(self) -> None:
         """Give the keyboard to the first slice."""
@@ -190,12 +192,15 @@ class SlicesDock(DockContents):
     def _show_crosshair(self, voxel: Voxel) -> None:
         for view in self.views.values():
             view.show_crosshair(voxel)
+        self._say_where(voxel)
+        self._show_rulers()
+
+    def _say_where(self, voxel: Voxel) -> None:
         if self._linked is not None and self._controller is not None:
             name = self._linked.name_at(voxel) or "No object"
             density = float(self._controller.session.volume[voxel])
             place = ", ".join(f"{axis} {n}" for axis, n in zip(AXES, voxel, strict=True))
             self.where.setText(f"{name}\n{place}; density {density:.5g}")
-            self._show_rulers()
 
     def _show_rulers(self) -> None:
         if self._linked is not None:
@@ -208,6 +213,11 @@ class SlicesDock(DockContents):
             with QSignalBlocker(box):
                 box.setValue(density)
                 box.setSingleStep(max(width / 50, 1e-6))
+
+    def _hear(self, change: Change) -> None:
+        # Another object may be there now, or one of another size or name, or another unit.
+        if change & (Change.LABELS | Change.STATES | Change.SURROUNDINGS) and self._linked:
+            self._say_where(self._linked.crosshair)
 
     # What the hand does.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from qtpy.QtCore import QSignalBlocker, Qt
 from qtpy.QtWidgets import QGridLayout, QHBoxLayout, QSlider, QSpinBox, QWidget
 
-from napari_unpack.session.errors import NOTHING_UNPACKABLE, share_of
+from napari_unpack.session.errors import NOTHING_UNPACKABLE, listed, share_of
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.widgets.commands import Commands, objects_in
 from napari_unpack.widgets.directions import ALONG_ARROW, DIRECTIONS, name_of, words_of
@@ -368,7 +368,9 @@ class UnpackSection(Section):
         if not self._unpackable:
             return self._all_blocked(session)
         count = len(self._unpackable)
-        return f"{count} of {packed} {'is' if count == 1 else 'are'} unpackable now."
+        groups = [g for g in session.queries.unpackable_groups() if self._unpackable.issuperset(g)]
+        together = _together([len(group) for group in groups])
+        return f"{count} of {packed} {'is' if count == 1 else 'are'} unpackable now{together}."
 
     def _all_blocked(self, session: Session) -> str:
         """Name the least occluded object, and what another direction would make unpackable."""
@@ -387,6 +389,14 @@ class UnpackSection(Section):
         elif not session.take_least_occluded:
             words.append("Turn the bag, or choose another direction.")
         return " ".join(words)
+
+
+def _together(sizes: list[int]) -> str:
+    """Say which of those that can leave do so by one click, interlocked."""
+    several = [str(size) for size in sizes if size > 1]
+    if not several:
+        return ""
+    return f", {'all' if len(sizes) == 1 else listed(several)} together"
 
 
 def _all_gone(out: int, hidden: int, link_color: str) -> str:
