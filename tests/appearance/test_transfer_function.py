@@ -168,3 +168,18 @@ def test_a_default_is_found_for_any_two_different_densities(values, dtype):
         return
     low, high = TransferFunction.default_for(volume).domain
     assert low < high
+
+
+@pytest.mark.filterwarnings("error")
+def test_the_first_function_of_tiny_and_of_huge_densities_is_that_of_the_same_scan_of_others():
+    scan = np.random.default_rng(0).normal(size=(8, 8, 8))
+    wanted = TransferFunction.default_for(scan)
+    for scale in (1e-290, 1e160, 1e300):
+        found = TransferFunction.default_for(scan * scale)
+        np.testing.assert_allclose(found.table(), wanted.table(), atol=1e-6)
+        np.testing.assert_allclose(
+            np.array(found.points)[:, 0] / scale, np.array(wanted.points)[:, 0]
+        )
+    # Across less than floats have slopes for, nothing can be told apart.
+    with pytest.raises(ValueError, match="must not be constant"):
+        TransferFunction.default_for(scan * 1e-310)

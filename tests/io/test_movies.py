@@ -306,7 +306,7 @@ def test_a_turntable_shows_the_session_as_it_stands_from_all_around(
     still = snapshot(session)
     still.canvas_size = 80, 100
     # Sprites included, and at every turn of it the bag.
-    radius = still.bag.radius
+    radius = still.bag.radius_in(np.eye(3))
     camera = replace(fitted(still), height=max(fitted(still).height, 2 * 1.03 * radius))
     first = straight_bytes(scene_image(still.scene(), camera, (80, 100), backend="cpu"))
     np.testing.assert_array_equal(frames[0], first[..., :3])

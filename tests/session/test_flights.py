@@ -208,6 +208,31 @@ def test_what_changes_while_an_object_flies_changes_where_it_lands(act) -> None:
     assert pose.scale == pytest.approx(landed.scale)
 
 
+@pytest.mark.parametrize("asked", [0.0, 0.1, 0.201])
+def test_taken_out_again_before_its_way_back_has_begun_it_does_not_jump_to_another_slot(
+    asked,
+) -> None:
+    now = [0.0]
+    session = session_of(stack_of_plates(), clock=lambda: now[0])
+    # Sideways nobody is in another's way.
+    session.direction = "+y"
+    session.unpack(3)
+    session.animated, session.seconds = True, 1.0
+    # The last to leave goes back first: the others wait for their turn.
+    session.restore(3)
+    waiting = sorted(session.flights, key=lambda i: session.flights[i].start)[1]
+    now[0] = asked
+    stood = session.flights[waiting].pose(now[0], session.camera).center
+    session.unpack([waiting])
+    went = session.flights[waiting]
+    assert np.linalg.norm(went.target.center - stood) > 1
+    there = [went.pose(asked + t, session.camera).center for t in np.linspace(0, 1, 201)]
+    np.testing.assert_allclose(there[0], stood, atol=1e-9)
+    assert np.linalg.norm(np.diff(there, axis=0), axis=1).max() < 0.5
+    session.land(waiting)
+    np.testing.assert_allclose(there[-1], session.poses[waiting].center, atol=1e-9)
+
+
 def turns(flight: Flight) -> int:
     """Count the flights that one turns from."""
     return 0 if flight.before is None else 1 + turns(flight.before)

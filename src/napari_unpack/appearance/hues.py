@@ -258,7 +258,7 @@ def spread_hues(
     Parameters
     ----------
     graph, previous, margin, locked
-        As for `assign_hues`, whose distances are met at least.
+        As for `assign_hues`. With a margin, its distances are met at least.
 
     Notes
     -----

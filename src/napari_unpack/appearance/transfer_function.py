@@ -12,6 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 # Enough for quantiles to a thousandth; more only takes time.
 MOST_SAMPLES = 1_000_000
 
+# Of densities, in a volume that is not constant.
+SMALLEST_RANGE = 1e-300
+
 
 @dataclass(frozen=True)
 class Ramp:
@@ -62,7 +65,8 @@ def foreground_ramp(volume: ArrayLike) -> Ramp:
     if samples.size == 0:
         raise ValueError("volume must hold finite densities, got none")
     lowest, highest = float(samples.min()), float(samples.max())
-    if not highest > lowest:
+    # Across less, slopes overflow.
+    if not highest - lowest > SMALLEST_RANGE:
         raise ValueError(f"volume must not be constant, got {lowest!r} everywhere")
     # From the lowest on: far from zero there are not enough floats for 256 bins in a small range.
     samples, highest = samples - lowest, highest - lowest
@@ -106,10 +110,10 @@ def _level(background: NDArray[np.float64]) -> tuple[float, float]:
 
 def _otsu(values: NDArray[np.float64]) -> float:
     counts, edges = np.histogram(values, bins=256)
-    middles = (edges[:-1] + edges[1:]) / 2
     below = np.cumsum(counts).astype(np.float64)
     above = below[-1] - below
-    moment = np.cumsum(counts * middles)
+    # In bins, which are evenly spaced: squares of large densities would overflow.
+    moment = np.cumsum(counts * np.arange(256.0))
     with np.errstate(divide="ignore", invalid="ignore"):
         # Variance between the classes, Otsu 1979, eq. 18.
         spread = below * above * (moment / below - (moment[-1] - moment) / above) ** 2

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
-from time import perf_counter
 
 from napari_unpack.geometry.axes import Vector, fixed
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
@@ -78,12 +77,9 @@ class DirectionSurvey:
     ----------
     directions : tuple of DirectionalBlocking
         Empty where there are too many objects for a table.
-    seconds : float
-        What it took.
     """
 
     directions: tuple[DirectionalBlocking, ...]
-    seconds: float
 
 
 def find_survey(
@@ -104,7 +100,6 @@ def find_survey(
     the directions are cast. With a tolerance, what is unpackable within it is counted along each
     direction, and all of them are cast.
     """
-    start = perf_counter()
     halved = key.tolerance == 0.0
     directions = DIRECTIONS_26[: len(DIRECTIONS_26) // 2] if halved else DIRECTIONS_26
     found: list[DirectionalBlocking] = []
@@ -116,12 +111,7 @@ def find_survey(
             # There are too many objects for a table, whichever way one looks.
             break
         found += [blocking, blocking.opposite()] if halved else [blocking]
-    return DirectionSurvey(tuple(found), perf_counter() - start)
-
-
-# Each takes as long as a question of who blocks whom.
-MOST_PROPOSALS = 4
-"""Directions of the survey that are looked along for a buried object."""
+    return DirectionSurvey(tuple(found))
 
 
 @dataclass(frozen=True)
@@ -160,6 +150,7 @@ def find_reveal_plan(
     key: RevealKey,
     survey: tuple[SurveyKey, DirectionSurvey],
     along: Callable[[Vector], tuple[OcclusionKey, OcclusionResult]],
+    barred: Callable[[Vector, int], bool],
 ) -> RevealResult:
     """Find the least that must leave for a buried object to leave; runs on any thread.
 
@@ -170,6 +161,8 @@ def find_reveal_plan(
         That proposes a direction.
     along : callable
         Given a direction, looks closely along it.
+    barred : callable
+        Given a direction and a number, tells quickly whether more than so many would leave.
 
     Raises
     ------
@@ -189,12 +182,11 @@ def find_reveal_plan(
             raise NoTableError.of(len(packed))
         return RevealPlan(target, direction, frozenset(blocking.among(packed).needed(target)))
 
-    # The survey is coarse and only proposes; the voxels decide, along D and along its best. Where
-    # they want more of it than it said, the next best may be better. Ties go to D.
+    # The survey is coarse; the voxels decide. To look closely takes as long as a question of who
+    # blocks whom, so only where the survey or what is met on the way promises less. Ties go to D.
     least = exact(near)
-    proposed = reveal_plans(survey[1].directions, packed, target, near)
-    for k, said in enumerate(proposed[:MOST_PROPOSALS]):
-        if k and len(said.ids) >= len(least.ids):
-            break
-        least = min(least, exact(said.direction), key=lambda plan: len(plan.ids))
+    for said in reveal_plans(survey[1].directions, packed, target, near):
+        fewer = len(least.ids) - 1
+        if fewer and (len(said.ids) <= fewer or not barred(said.direction, fewer)):
+            least = min(least, exact(said.direction), key=lambda plan: len(plan.ids))
     return RevealResult(least, (survey, *learnt))

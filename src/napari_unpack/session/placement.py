@@ -78,11 +78,6 @@ class Bag:
         return (self.lower + self.upper) / 2
 
     @cached_property
-    def radius(self) -> float:
-        """Radius of the sphere about `center` that holds every object's box, mm."""
-        return self.radius_in(np.eye(3))
-
-    @cached_property
     def silhouette(self) -> NDArray[np.float64]:
         """(n, 3) corners of the hull of all objects, world mm, to within a sixtieth of the bag."""
         # Every k-th voxel: to frame the bag no more is needed, and large volumes have millions.
@@ -93,7 +88,10 @@ class Bag:
         return hull_vertices(points) if len(points) else np.stack([self.lower, self.upper])
 
     def radius_in(self, stretch: Matrix) -> float:
-        """Return the radius, mm, in a world that is stretched so (`Camera.stretch`)."""
+        """Return the radius of the sphere about `center` that holds every object's box, mm.
+
+        Of a world that is stretched so (`Camera.stretch`).
+        """
         # Slots ask for it at every redraw, and large bags have thousands of boxes.
         key = stretch.tobytes()
         if key not in self._radii:

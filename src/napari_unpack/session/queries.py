@@ -506,7 +506,7 @@ class Queries:
         task = self.survey_task()
         if task is not None:
             self._keep(task.key, task.run(no_progress))
-        return self._known_survey() or DirectionSurvey((), 0.0)
+        return self._known_survey() or DirectionSurvey(())
 
     def survey_task(self) -> Task[DirectionSurvey] | None:
         """Return the task that looks along 26 directions; None where that is known."""
@@ -575,6 +575,7 @@ class Queries:
         survey_key, known = self._survey_key(), self._known_survey()
         find = partial(find_survey, survey_key, self._survey_counts(survey_key))
         inputs = self._occlusion_inputs()
+        barred = partial(inputs.barred, object_id, key.near.packed)
 
         def looked(direction: Vector) -> tuple[OcclusionKey, OcclusionResult]:
             wanted = replace(key.near, direction=triple(direction))
@@ -584,7 +585,7 @@ class Queries:
 
         def run(progress: Progress) -> RevealResult:
             survey = find(progress) if known is None else known
-            found = find_reveal_plan(key, (survey_key, survey), looked)
+            found = find_reveal_plan(key, (survey_key, survey), looked, barred)
             # A known survey stands under its own key: under this one it would serve fewer.
             return found if known is None else replace(found, learnt=found.learnt[1:])
 

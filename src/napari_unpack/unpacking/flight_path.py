@@ -97,7 +97,8 @@ def _way_out(start: Vector, along: Vector, radius: float) -> float:
 # Least and most of a flight's time spent on the way along D.
 SHARE_OF_FIRST_LEG = (0.22, 0.42)
 
-# No object flies further towards the viewer than this fraction of the eye's distance.
+# No object flies further towards the viewer than this fraction of the eye's distance, or than it
+# stood in the bag.
 NEAREST_TO_EYE = 0.6
 
 
@@ -197,8 +198,9 @@ class Flight:
         Notes
         -----
         Li et al. 2012, sections 5.2 and 5.3, with linear interpolation between key frames
-        replaced by one that starts and ends at rest and rounds the corner outside the bag's
-        box. Deviation: the first leg goes along D whatever D is (docs/paper.md, R12).
+        replaced by one that starts and ends at rest, and turns along a curve outside the bag's
+        box; where the legs meet, the speed may change at once. Deviation: the first leg goes
+        along D whatever D is (docs/paper.md, R12).
         """
         pose = self.pose_at(self._share_of_way_out(time), camera)
         if self.before is None:
@@ -215,9 +217,7 @@ class Flight:
         camera : Camera
             Whose pivot space it is.
         """
-        leaving, outside = packed_pose(self.box_center, camera), self._outside(camera)
-        way = float(np.linalg.norm(self.target.center - outside.center))
-        first = self._share_of_first_leg(way)
+        leaving, outside, first = self._legs(camera)
         if fraction < first:
             gone = (fraction / first) ** 2
             center = (1 - gone) * leaving.center + gone * outside.center
@@ -229,7 +229,7 @@ class Flight:
         ends = outside.center, along, self.target.center
         gone = 1.0 - (1.0 - rest) ** 2
         place = path_around_bag(*ends, middle, self.around.radius, gone)
-        place = _before_the_eye(place, camera)
+        place[0] = min(place[0], _nearest_depth(leaving, camera))
         # Size keeps pace with place: an object still large beside its slot would leave the window.
         scale = outside.toward(self.target, gone).scale
         return replace(turned, center=place, scale=scale)
@@ -260,17 +260,23 @@ class Flight:
 
     def first_leg(self, camera: Camera) -> float:
         """Return the fraction of the way out at which it is clear of the bag's box."""
-        outside = self._outside(camera).center
-        return self._share_of_first_leg(float(np.linalg.norm(self.target.center - outside)))
+        return self._legs(camera)[2]
 
-    def _share_of_first_leg(self, way: float) -> float:
-        if self.clear <= 0:
-            return 0.0
-        return float(np.clip(self.clear / (self.clear + way), *SHARE_OF_FIRST_LEG))
-
-    def _outside(self, camera: Camera) -> Pose:
+    def _legs(self, camera: Camera) -> tuple[Pose, Pose, float]:
+        """Return where the first leg begins and ends, and its share of the way out."""
+        leaving = packed_pose(self.box_center, camera)
         outside = packed_pose(self.box_center, camera, self.direction * self.clear)
-        return replace(outside, center=_before_the_eye(outside.center, camera))
+        leg = outside.center - leaving.center
+        room = _nearest_depth(leaving, camera) - leaving.center[0]
+        if leg[0] > room:
+            # Along D still, so that it meets nothing there.
+            leg = leg * (room / leg[0])
+            outside = replace(outside, center=leaving.center + leg)
+        length = float(np.linalg.norm(leg))
+        if length == 0.0:
+            return leaving, outside, 0.0
+        way = float(np.linalg.norm(self.target.center - outside.center))
+        return leaving, outside, float(np.clip(length / (length + way), *SHARE_OF_FIRST_LEG))
 
     def reversed(self, time: float) -> Flight:
         """Return the flight that turns round at this time, from where the object is then."""
@@ -290,18 +296,23 @@ class Flight:
         time : float, optional
             When it turns there, from where it is then; by default it is on the way there at once,
             and a turn that has begun goes on. A flight that goes there already stays as it is.
+
+        Notes
+        -----
+        To turn takes half a flight's time at least: what is nearly at its slot, or stands there
+        still, would jump to another one.
         """
         if self.target.is_at(target):
             return self
         if time is None:
             return replace(self, target=target)
-        if not self.start < time < self.start + self.seconds:
+        # In the bag it stands where it does wherever it goes.
+        if self._share_of_way_out(time) == 0.0:
             return replace(self, target=target, before=None)
-        return replace(self, target=target, before=self, sent=time)
+        start = self.start if self.back else max(self.start, time - self.seconds / 2)
+        return replace(self, target=target, start=start, before=self, sent=time)
 
 
-def _before_the_eye(center: Vector, camera: Camera) -> Vector:
-    limit = NEAREST_TO_EYE * camera.distance
-    if center[0] <= limit:
-        return center
-    return np.array([limit, *center[1:]])
+def _nearest_depth(leaving: Pose, camera: Camera) -> float:
+    """Return how near to the viewer an object may fly, pivot space mm: never back for that."""
+    return max(NEAREST_TO_EYE * camera.distance, float(leaving.center[0]))

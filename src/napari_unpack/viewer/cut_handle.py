@@ -131,7 +131,7 @@ class CutHandle:
         u = unit(np.cross(normal, across))
         angles = np.linspace(0.0, 2 * np.pi, RIM_LINES + 1)
         circle = np.cos(angles)[:, None] * u + np.sin(angles)[:, None] * np.cross(normal, u)
-        radius = session.bag.radius
+        radius = session.bag.radius_in(np.eye(3))
         arrow = [0 * normal, -ARROW * radius * normal]
         points: NDArray[np.float64] = center + np.concatenate([RIM * radius * circle, arrow])
         return points
