@@ -503,8 +503,7 @@ class Queries:
 
     def survey(self) -> DirectionSurvey:
         """Return what blocks what along 26 directions; casts rays where that is not known."""
-        task = self.survey_task()
-        if task is not None:
+        if (task := self.survey_task()) is not None:
             self._keep(task.key, task.run(no_progress))
         return self._known_survey() or DirectionSurvey(())
 
