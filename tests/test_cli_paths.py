@@ -87,3 +87,21 @@ def test_the_table_of_a_zarr_that_cannot_be_saved_goes_elsewhere_and_says_where(
     table = Path(result.output.split("wrote ")[-1].splitlines()[0])
     assert pd.read_csv(table)["volume"].tolist() == [7.0]
     shutil.rmtree(table.parent)
+
+
+def test_all_is_saved_before_a_reader_that_has_gone_is_told_of_it(
+    home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def gone(*_: object, **__: object) -> None:
+        raise BrokenPipeError
+
+    monkeypatch.setattr("typer.echo", gone)
+    run("simulate", home / "new.npz", "--shape", "24", "24", "32", "--count", "2")
+    assert (home / "new.csv").is_file()
+
+
+@pytest.mark.parametrize("labels", ["n" * 240 + ".npz", "."])
+def test_labels_of_any_name_are_looked_at(home: Path, labels: str) -> None:
+    from napari_unpack.cli_options import tell_labels_beside
+
+    tell_labels_beside(Path(labels))

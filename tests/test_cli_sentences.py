@@ -123,5 +123,5 @@ def test_head_ends_a_command_without_a_word_and_a_run_of_many_not_at_all(
 def test_a_folder_that_takes_no_results_is_told_before_a_cluster_is_asked(bag: Path) -> None:
     pytest.importorskip("distributed")
     for output in ("/proc", "/proc/out"):
-        with pytest.raises(PermissionError, match="results cannot be written into /proc"):
+        with pytest.raises(PermissionError, match="cannot be written into /proc"):
             nu.batch(bag, output, client=object(), force=True)

@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "napari_unpack"
 PAGE = (ROOT / "docs" / "paper.md").read_text("utf-8")
 FROM_ROOT = ("shaders/", "tests/", "benchmarks/", "docs/")
-NAMED = re.compile(r"`([\w./-]+/[\w.-]+\.(?:py|frag|vert|glsl|md|png))(?::([\w.]+))?`")
+NAMED = re.compile(r"`([\w./-]+/[\w.-]+\.(?:py|comp|frag|vert|glsl|md|png))(?::([\w.]+))?`")
 NAMES = sorted(set(NAMED.findall(PAGE)))
 
 
@@ -80,7 +80,7 @@ def is_defined(path: Path, name: str) -> bool:
 def test_the_page_names_much_of_the_package() -> None:
     assert len(NAMES) > 150
     # The pattern misses none that is written in another way.
-    quoted = re.findall(r"`[^`\s]+\.(?:py|frag|vert|glsl)(?::[^`]*)?`", PAGE)
+    quoted = re.findall(r"`[^`\s]+\.(?:py|comp|frag|vert|glsl)(?::[^`]*)?`", PAGE)
     assert [text for text in quoted if not NAMED.fullmatch(text)] == []
 
 

@@ -206,6 +206,22 @@ def drafted(path: str | Path) -> Iterator[Path]:
 
 
 @contextmanager
+def empty_file_beside(target: Path) -> Iterator[Path]:
+    """Make an empty file beside a target inside the `with`; one that is left is swept later."""
+    _sweep(target.parent)
+    file = _new_file(target)
+    try:
+        yield file
+    finally:
+        file.unlink(missing_ok=True)
+
+
+def is_temporary(name: str) -> bool:
+    """Tell whether a file or folder is one that is being written, or was left by a kill."""
+    return name.startswith(_PREFIX)
+
+
+@contextmanager
 def folder_written_atomically(path: str | Path, is_ours: Callable[[Path], bool]) -> Iterator[Path]:
     """Give a temporary folder that replaces `path` on success and vanishes on any error.
 

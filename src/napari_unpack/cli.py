@@ -135,9 +135,9 @@ def _simulate(
     )
     # Names go into the file, so that the viewer and `table` show what things are.
     names = {int(i): str(name) for i, name in bag.objects["name"].items()}
-    for path in save_scan(Scan(bag.volume, bag.spacing, bag.labels, "bag", names), output):
+    saved = save_scan(Scan(bag.volume, bag.spacing, bag.labels, "bag", names), output)
+    for path in (*saved, save_objects_csv(bag.objects, table)):
         typer.echo(f"wrote {path}")
-    typer.echo(f"wrote {save_objects_csv(bag.objects, table)}")
 
 
 @_command()
@@ -212,9 +212,10 @@ def _segment(
             Ticker(),
             lambda sentence: typer.echo(sentence, err=True),
         )
-        typer.echo(f"wrote {output}")
+        # Saved before anything is said: whoever reads it may have gone.
         if csv is not None:
             write_somewhere(lambda path: [save_objects_csv(objects, path)], csv, ".csv")
+        typer.echo(f"wrote {output}")
         typer.echo(f"{len(objects)} objects")
         return
     for option, value in (("scheduler", scheduler), ("workers", workers), ("working", working)):

@@ -129,8 +129,9 @@ def tell_labels_beside(file: Path) -> None:
     """Say on stderr where a file that is taken for labels may be the volume they are of."""
     from napari_unpack.io.volumes import saved_files
 
-    for labels in saved_files(file)[1:]:
-        if labels.exists():
+    # A name of one's own may be too long for that beside it.
+    for labels in saved_files(file)[1:] if file.name else ():
+        if os.path.exists(labels):
             typer.echo(
                 f"note: {file} is taken for labels, and {labels.name} lies beside it: is that "
                 "the file you mean?",

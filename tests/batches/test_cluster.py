@@ -71,7 +71,8 @@ def test_who_waits_for_blocks_that_no_worker_is_left_for_is_told(deserted: str) 
         ("none.json", "there is no scheduler file 'none.json'"),
         ("tcp://localhost", "there is no scheduler file 'tcp://localhost'"),
         ("http://localhost:8786", "unknown address scheme 'http'"),
-        ("localhost:http", "no Dask scheduler answers at localhost:http"),
+        ("localhost:http", "there is no scheduler file 'localhost:http'"),
+        (r"C:\share\none.json", "there is no scheduler file"),
         ("broken.json", "no Dask scheduler answers at broken.json"),
     ],
 )

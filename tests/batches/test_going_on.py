@@ -101,3 +101,32 @@ def test_scans_of_one_content_have_folders_of_their_own_whatever_letters_their_n
     (output / folder).rename(output / "scans" / "scan-25fef92407")
     (again,) = nu.batch(scans / "ü.npz", output, client, **QUICK).results
     assert (again.status, again.folder) == ("kept", "scans/scan-25fef92407")
+
+
+def test_a_lost_session_of_one_of_two_equal_scans_is_made_again_in_its_own_folder(
+    client: Any, tmp_path: Path
+) -> None:
+    scans, output = tmp_path / "in", tmp_path / "out"
+    scans.mkdir()
+    for name in ("first", "second"):
+        make_bag(scans / f"{name}.npz", 0)
+    report = nu.batch(scans, output, client, **QUICK)
+    folders = {one.scan: one.folder for one in report.results}
+    for lost in ("first", "second"):
+        (output / folders[lost] / "session.unpack").unlink()
+        for order in (["first"], ["second"]):
+            again = nu.batch([scans / f"{name}.npz" for name in order], output, client, **QUICK)
+            assert again.results[0].folder == folders[order[0]]
+        for name in folders:
+            assert session_in(output, name).is_file()
+
+
+def test_a_damaged_session_leaves_its_scan_among_those_done(client: Any, tmp_path: Path) -> None:
+    make_bag(tmp_path / "bag.npz", 0)
+    output = tmp_path / "out"
+    nu.batch(tmp_path / "bag.npz", output, client, copies=False, **QUICK)
+    session = session_in(output, "bag")
+    session.write_bytes(session.read_bytes()[:200])
+    (again,) = nu.batch(tmp_path / "bag.npz", output, client, copies=False, **QUICK).results
+    assert again.status == "kept"
+    assert "session.unpack" in " ".join(again.notes)

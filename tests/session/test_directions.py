@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from bags import AxisRays, hooked, session_of, stack_of_plates
 
-from napari_unpack import simulate_bag
 from napari_unpack.session import ObjectState, Session
 from napari_unpack.tasks import no_progress
-from napari_unpack.unpacking.direction_survey import DIRECTIONS_26
 
 
 def boxed_in() -> np.ndarray:
@@ -128,24 +126,6 @@ def test_where_the_voxels_want_more_than_was_proposed_the_next_best_is_looked_al
     labels[2, 2, 4], labels[:, 2, 3] = 1, 2
     session = Session(labels * np.float32(100), labels)
     assert session.reveal_plan(1).ids == {1}
-
-
-def test_no_direction_of_the_compass_frees_a_buried_object_with_fewer_than_reveal_says() -> None:
-    # Along diagonals rays overrate what holds an object by the corners of voxels.
-    bag = simulate_bag(shape=(40, 44, 60), count=14, seed=21)
-    session = Session(bag.volume, bag.labels, bag.spacing)
-    session.backend = "cpu"
-    for one in (4, 6, 9):
-        found = session.reveal_plan(one)
-        needed = []
-        for direction in DIRECTIONS_26:
-            looked = session.queries.occlusion(direction, sure=(one,))
-            needed.append(len(looked.blocking.needed(one)))
-        assert len(found.ids) <= min(needed)
-        session.direction = tuple(found.direction)
-        assert set(session.reveal(one)) == found.ids
-        session.undo()
-        session.direction = None
 
 
 def test_reveal_is_answered_once_few_enough_are_packed_whatever_was_asked_before() -> None:

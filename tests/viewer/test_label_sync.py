@@ -240,6 +240,22 @@ def test_strokes_on_labels_that_stay_on_disk_are_refused_in_words(
     brush.sync.close()
 
 
+def test_another_time_point_and_a_flipped_view_stay_as_they_are() -> None:
+    first = bells()[1].astype(np.int32)
+    series = Labels(np.stack([first, np.roll(first, 3, axis=2)]))
+    other, flipped = Labels(series.data[1]), Labels(series.data[0][::-1])
+    brush = Brush(series.data[0], others=[series, other, flipped])
+    brush.run()
+    brush.session.delete([SLAB])
+    brush.scheduler.finish_tasks()
+    assert np.array_equal(other.data, np.roll(first, 3, axis=2))
+    # Of a series that is followed as a whole all the same.
+    both = with_sharing([series, Labels(series.data[0])], [series, other])
+    assert other not in both
+    assert flipped not in with_sharing([Labels(first)], [flipped])
+    assert np.array_equal(flipped.data, series.data[0][::-1])
+
+
 def test_a_stroke_on_the_time_series_of_a_followed_time_point_is_an_edit_at_once() -> None:
     first = bells()[1].astype(np.int32)
     series, other = Labels(np.stack([first, first])), Labels(first.copy())

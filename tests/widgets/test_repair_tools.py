@@ -20,6 +20,7 @@ from napari_unpack.tasks import Task, no_progress
 from napari_unpack.viewer.scheduler import Worker
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import at_rest, controller_with, press, rest, states
+from tin import tin
 from viewer_fixtures import canvas
 
 
@@ -84,6 +85,25 @@ def test_two_clicks_split_and_undo_joins(
     assert np.array_equal(layer.data, first)
     qtbot.waitUntil(lambda: objects.model.rowCount() == 3, timeout=20000)
     assert panel.workspace.controller.settle(30)
+
+
+def test_a_split_inside_an_opened_object_is_a_split_there(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    volume, labels = tin()
+    viewer.add_image(volume, name="scan")
+    bag = controller_with(panel, qtbot, viewer.add_labels(labels, name="expert", visible=False))
+    panel.workspace.controller.recolor_at_rest = False
+    assert panel.workspace.controller.settle(60)
+    panel.workspace.open_container(1)
+    inside, whole = panel.workspace.session, bag.labels.copy()
+    before = set(inside.ids)
+    assert panel.workspace.controller.settle(60)
+    press(qtbot, panel.objects.split)
+    click(panel, (8, 6, 6), qtbot)
+    click(panel, (8, 17, 17), qtbot)
+    qtbot.waitUntil(lambda: set(inside.ids) > before, timeout=20000)
+    assert np.array_equal(bag.labels, whole)
 
 
 def test_undo_calls_off_a_repair_that_is_still_worked_out(

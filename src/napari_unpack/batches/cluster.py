@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 import signal
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -12,13 +13,13 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from multiprocessing.resource_tracker import ensure_running
 from pathlib import Path
-from tempfile import NamedTemporaryFile
 from time import monotonic, sleep
 from typing import Any
 
+from napari_unpack.atomic import empty_file_beside, given_path
 from napari_unpack.batches.inputs import ScanInput
 from napari_unpack.batches.memory_needs import need_of
-from napari_unpack.batches.run_settings import installed_version
+from napari_unpack.batches.run_settings import RUN, installed_version
 from napari_unpack.io.optional import needed
 from napari_unpack.memory import free_memory
 from napari_unpack.thread_count import SETTING, thread_count
@@ -110,8 +111,9 @@ def losses_told() -> Iterator[None]:
 
 @contextmanager
 def _connected(distributed: Any, scheduler: str) -> Iterator[Any]:
-    file = Path(scheduler)
-    if not file.is_file() and ":" not in scheduler.rpartition("://")[2]:
+    file = given_path(scheduler)
+    # A port, and no drive of Windows.
+    if not file.is_file() and not re.search(r":\d", scheduler):
         raise FileNotFoundError(
             f"there is no scheduler file {scheduler!r}; an address is like tcp://HOST:8786"
         )
@@ -191,7 +193,8 @@ def _whole(begin: Callable[[], Any]) -> Any:
         try:
             return begun.result()
         except KeyboardInterrupt:
-            begun.result().close()
+            with suppress(Exception):
+                begun.result().close()
             raise
 
 
@@ -246,8 +249,8 @@ def check_workers(client: Any, output: Path) -> None:
 
     output.mkdir(parents=True, exist_ok=True)
     # A file of its own: that of the run is written once all workers are fit for it.
-    with NamedTemporaryFile(prefix=".unpack-", dir=output) as file:
-        answers = client.run(seen, file.name)
+    with empty_file_beside(output / RUN) as file:
+        answers = client.run(seen, str(file))
     for worker, answer in answers.items():
         if not answer:
             raise ValueError(

@@ -84,8 +84,9 @@ def folder_name(scan: str, identity: str) -> str:
     """
     # Letters and digits fit every file system; what it is called in full stands in the tables.
     plain = re.sub(r"[^\w.-]+", "_", scan, flags=re.ASCII).strip("._")[:60] or "scan"
-    if plain != scan:
-        # Scans of one content may differ in the letters that are left out.
+    if plain.lower() != scan:
+        # Scans of one content may differ in the letters that are left out, or in capitals, which
+        # some file systems take for small ones.
         identity = hashlib.sha256(f"{identity} {scan}".encode()).hexdigest()
     return f"{plain}-{identity[:_DIGITS]}"
 

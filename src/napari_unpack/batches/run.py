@@ -23,6 +23,7 @@ from napari_unpack.batches.results import OBJECTS, ScanResult, note_names, resul
 from napari_unpack.batches.run_settings import (
     ALL_OBJECTS,
     ALL_SCANS,
+    RUN,
     Settings,
     check_folder,
     claim_folder,
@@ -193,8 +194,9 @@ def _check_disk(
     needed = size // 4 if settings.copies else 0
     # What is done already takes its space now.
     there = next(place for place in (folder, *folder.parents) if place.exists())
-    check_writable(there / "results")
-    check_space(there / "results", needed - int(1e6 * sum(one.megabytes for one in found)))
+    first = there / (RUN if there == folder else folder.relative_to(there).parts[0])
+    check_writable(first)
+    check_space(first, needed - int(1e6 * sum(one.megabytes for one in found)))
 
 
 def _results(

@@ -10,7 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from napari_unpack.atomic import written_atomically
+from napari_unpack.atomic import is_temporary, written_atomically
 from napari_unpack.geometry.view import FROM_ABOVE, View
 from napari_unpack.io.scan import Scan
 from napari_unpack.io.session_archive import ArrayFacts
@@ -134,7 +134,7 @@ def check_folder(output: Path, settings: Settings) -> None:
     if output.exists() and not output.is_dir():
         raise ValueError(f"{output} is a file, and a folder is wanted for the results")
     if not is_run(output):
-        if output.exists() and any(output.iterdir()):
+        if output.exists() and not all(is_temporary(entry.name) for entry in output.iterdir()):
             raise ValueError(f"{output} holds something else: {remedy}")
         return
     before, told = _settings_of(output), settings.record()

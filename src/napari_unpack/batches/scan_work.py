@@ -91,15 +91,22 @@ def _worked(scan: ScanInput, place: Place, known: Mapping[str, str]) -> ScanResu
         check_need(scan, place.memory)
     data, settings = _loaded(scan, place.large), place.settings
     key = identity(data, settings)
-    before = read_result(place.output / known[key]) if key in known else None
-    if before is not None and before.identity == key:
-        there = place.output / known[key]
-        if os.path.exists(there / SESSION):
-            _mend(there, scan, data, place)
-            # It may have been done under another name, or from another place.
-            return replace(before, scan=scan.name, source=scan.source, status="kept")
+    own = f"{SCANS}/{folder_name(scan.name, key)}"
+    # Scans of one content have a folder each; one that was renamed has that of its earlier name.
+    done = {one: read_result(place.output / one) for one in (known.get(key, own), own)}
+    kept = {one: told for one, told in done.items() if told is not None and told.identity == key}
+    where = own if own in kept else known.get(key, own)
+    before = kept.get(where)
+    if before is not None and os.path.exists(place.output / where / SESSION):
+        said = _mended(place.output / where, scan, data, place)
+        # It may have been done under another name, or from another place.
+        kept_so = replace(before, scan=scan.name, source=scan.source, status="kept")
+        return replace(kept_so, notes=(*before.notes, *said))
+    if before is not None and before.source != scan.source and os.path.exists(before.source):
+        # That is another scan's, of the same content.
+        where = own
     start = perf_counter()
-    folder = Path(known.get(key, f"{SCANS}/{folder_name(scan.name, key)}"))
+    folder = Path(where)
     target = place.output / folder
     check_space(target, data.volume.nbytes // 8 if settings.copies else 0)
     session = open_scan(
@@ -139,6 +146,15 @@ def _loaded(scan: ScanInput, large: bool) -> Scan:
     return replace(data, name=scan.name, spacing=scan.spacing or data.spacing)
 
 
+def _mended(there: Path, scan: ScanInput, data: Scan, place: Place) -> tuple[str, ...]:
+    """Mend what can be; what cannot is said, and the result stays as it is."""
+    try:
+        _mend(there, scan, data, place)
+    except (OSError, ValueError) as error:
+        return (printable(" ".join(str(error).split())),)
+    return ()
+
+
 def _mend(there: Path, scan: ScanInput, data: Scan, place: Place) -> None:
     """Write labels that are lost, and have a session refer to its volume, wherever that is now.
 
@@ -166,7 +182,7 @@ def _finds_volume(session: Path, scan: ScanInput, data: Scan, large: bool) -> bo
         if file is None or file.samefile(scan.volume):
             return True
         # Two files may have taken each other's names.
-        return np.array_equal(load_volume(file, large=large).volume, data.volume)
+        return np.array_equal(load_volume(file, large=large).volume, data.volume, equal_nan=True)
     except (OSError, ValueError):
         return False
 

@@ -84,6 +84,9 @@ def stacked(paths: Sequence[Path], read: Sequence[Named]) -> Named:
 
 def _stack(arrays: Sequence[NDArray[Any] | None]) -> NDArray[Any] | None:
     there = [array for array in arrays if array is not None]
+    if len({array.dtype for array in there}) > 1 and all(a.dtype.kind in "iu" for a in there):
+        # Of signed and unsigned ones numpy would make floats, which are no labels.
+        there = [array.astype(np.int64) for array in there]
     return np.stack(there) if there else None
 
 

@@ -114,6 +114,11 @@ def find_survey(
     return DirectionSurvey(tuple(found))
 
 
+# Each takes as long as a question of who blocks whom.
+MOST_PROPOSALS = 4
+"""Directions of the survey that are looked along for a buried object."""
+
+
 @dataclass(frozen=True)
 class RevealKey:
     """What the plan that frees a buried object depends on.
@@ -150,7 +155,6 @@ def find_reveal_plan(
     key: RevealKey,
     survey: tuple[SurveyKey, DirectionSurvey],
     along: Callable[[Vector], tuple[OcclusionKey, OcclusionResult]],
-    barred: Callable[[Vector, int], bool],
 ) -> RevealResult:
     """Find the least that must leave for a buried object to leave; runs on any thread.
 
@@ -161,13 +165,17 @@ def find_reveal_plan(
         That proposes a direction.
     along : callable
         Given a direction, looks closely along it.
-    barred : callable
-        Given a direction and a number, tells quickly whether more than so many would leave.
 
     Raises
     ------
     NoTableError
         If there are too many objects, or the rule has no table of blockers.
+
+    Notes
+    -----
+    Rays rank the directions, and count what touches by a corner of a voxel: in 9 of 322 simulated
+    cases a diagonal that they overrated would have freed the object with fewer. To sweep all 26
+    took five to seven times as long, seconds in a large volume.
     """
     target, packed, near = key.target, key.near.packed, fixed(key.near.direction)
     # Too many objects for tables: nothing can be proposed.
@@ -182,11 +190,12 @@ def find_reveal_plan(
             raise NoTableError.of(len(packed))
         return RevealPlan(target, direction, frozenset(blocking.among(packed).needed(target)))
 
-    # The survey is coarse; the voxels decide. To look closely takes as long as a question of who
-    # blocks whom, so only where the survey or what is met on the way promises less. Ties go to D.
+    # The survey is coarse and only proposes; the voxels decide, along D and along its best. Where
+    # they want more of it than it said, the next best may be better. Ties go to D.
     least = exact(near)
-    for said in reveal_plans(survey[1].directions, packed, target, near):
-        fewer = len(least.ids) - 1
-        if fewer and (len(said.ids) <= fewer or not barred(said.direction, fewer)):
-            least = min(least, exact(said.direction), key=lambda plan: len(plan.ids))
+    proposed = reveal_plans(survey[1].directions, packed, target, near)
+    for k, said in enumerate(proposed[:MOST_PROPOSALS]):
+        if k and len(said.ids) >= len(least.ids):
+            break
+        least = min(least, exact(said.direction), key=lambda plan: len(plan.ids))
     return RevealResult(least, (survey, *learnt))

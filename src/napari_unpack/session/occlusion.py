@@ -280,33 +280,6 @@ class OcclusionInputs:
 
         return Task(own, run)
 
-    def barred(self, object_id: int, packed: frozenset[int], direction: Vector, most: int) -> bool:
-        """Tell whether more objects than so many must leave for one of them to leave.
-
-        Quick: only what is in its way is moved, and no more than it takes. Of nothing that a
-        tolerance exempts it knows. True where no voxels can be moved.
-
-        Parameters
-        ----------
-        object_id : int
-        packed : frozenset of int
-            Objects in the bag.
-        direction : (3,) ndarray of float64
-            D, unit vector in world.
-        most : int
-            The object included.
-        """
-        if not self.rays.can_sweep:
-            return True
-        blockers = self.rays.sweep_test(direction, self.label_data.visible(packed))
-        leaving, left = {object_id}, [object_id]
-        while left and len(leaving) <= most:
-            one = left.pop()
-            fresh = blockers(one, self.label_data.boxes.slices(one), most) - leaving
-            leaving |= fresh
-            left += fresh
-        return len(leaving) > most
-
 
 def find_occlusion(
     key: OcclusionKey, rays: RayQueries, camera: Camera, size: Size, visible: Mask, backend: str

@@ -314,17 +314,19 @@ class Queries:
 
     # Which objects leave by one command.
 
-    def filled_queue(self, queue: Queue, packed: frozenset[int]) -> Queue:
+    def filled_queue(self, queue: Queue, packed: frozenset[int], agreed: bool = False) -> Queue:
         """Return a queue, filled where it was dry, made for another D, or known better by now.
 
         Parameters
         ----------
         queue : Queue
         packed : frozenset of int
+        agreed : bool
+            The queue was known to be right with more packed: those that leave only free others.
         """
         session, direction, rules = self._session, self.direction, self._session.rules
         if queue.serves(direction, packed, rules.terms):
-            known = self._known_occlusion(self._occlusion_key(packed=packed))
+            known = None if agreed else self._known_occlusion(self._occlusion_key(packed=packed))
             if known is None or queue.agrees(known.groups(packed, rules.max_group_size)):
                 return queue
             # Those of it who can leave after all do so before others, in the order they had.
@@ -374,7 +376,7 @@ class Queries:
                     found.append(Removal(group, self.direction, len(packed), quick))
                     packed, queue, left = packed - {*group}, queue.without(group), left + len(group)
         while left < count and packed:
-            filled = self.filled_queue(queue, packed)
+            filled = self.filled_queue(queue, packed, agreed=left > 0)
             source = self._known_occlusion(self._occlusion_key(packed=packed))
             if not filled.groups:
                 # Fewer than were asked for, but those can leave.
@@ -574,7 +576,6 @@ class Queries:
         survey_key, known = self._survey_key(), self._known_survey()
         find = partial(find_survey, survey_key, self._survey_counts(survey_key))
         inputs = self._occlusion_inputs()
-        barred = partial(inputs.barred, object_id, key.near.packed)
 
         def looked(direction: Vector) -> tuple[OcclusionKey, OcclusionResult]:
             wanted = replace(key.near, direction=triple(direction))
@@ -584,7 +585,7 @@ class Queries:
 
         def run(progress: Progress) -> RevealResult:
             survey = find(progress) if known is None else known
-            found = find_reveal_plan(key, (survey_key, survey), looked, barred)
+            found = find_reveal_plan(key, (survey_key, survey), looked)
             # A known survey stands under its own key: under this one it would serve fewer.
             return found if known is None else replace(found, learnt=found.learnt[1:])
 
@@ -594,8 +595,7 @@ class Queries:
 
     def hues(self, keep: bool = True) -> dict[int, float]:
         """Return hues that keep the packed neighbours of this view apart; see `recolor`."""
-        task = self.hues_task(keep)
-        if task is None:
+        if (task := self.hues_task(keep)) is None:
             return self._cache.find(self._hues_key(keep))  # type: ignore[no-any-return]
         found = task.run(no_progress)
         self._cache.keep(task.key, found)

@@ -475,7 +475,7 @@ class Session:
     def reveal_plan(self, object_id: int) -> RevealPlan:
         """Return the least that must leave for a buried object to leave, and along which way.
 
-        Of D and 26 directions; ties go to D. Casts rays where that is not known yet.
+        Of D and the best by rays of 26 directions; ties go to D. Casts rays where that is unknown.
         """
         return self.queries.reveal_plan(object_id)
 

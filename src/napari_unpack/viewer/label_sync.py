@@ -268,7 +268,9 @@ def _differing(
 
 
 def with_sharing(sources: Sequence[Layer], layers: Iterable[Layer]) -> list[Layer]:
-    """Return sources and the layers that show the same memory, as the time series of one does.
+    """Return sources, and the series that one of them is a part of, in the same memory.
+
+    Another part of it, as another time point, is no other view of the objects.
 
     Parameters
     ----------
@@ -276,8 +278,12 @@ def with_sharing(sources: Sequence[Layer], layers: Iterable[Layer]) -> list[Laye
     layers : iterable of napari layers
         Among which they are looked for.
     """
-    found = [x for x in map(unwrap, layers) if any(_share_memory(x, each) for each in sources)]
-    return list(dict.fromkeys((*sources, *found)))
+    series = [
+        x
+        for x in map(unwrap, layers)
+        if any(x.ndim > each.ndim and _share_memory(x, each) for each in sources)
+    ]
+    return list(dict.fromkeys((*sources, *series)))
 
 
 def _share_memory(*layers: Layer) -> bool:

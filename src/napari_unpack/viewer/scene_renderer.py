@@ -230,11 +230,11 @@ class SceneRenderer:
 
     def catch_up(self) -> None:
         """Do what the next tick would do, and tick no more by itself."""
-        one = self.animator.inspection
-        if one is not None and one.leaving:
-            # No tick comes that would end it later.
+        one, now = self.animator.inspection, self.flight_animation.now()
+        if one is not None and one.leaving and now <= one.since:
+            # Of a clock that stands still: no tick comes that would end it later.
             self.end_inspection()
-        self._tick(self.flight_animation.now())
+        self._tick(now)
         self.flight_animation.stop()
 
     def land(self, object_id: int) -> None:

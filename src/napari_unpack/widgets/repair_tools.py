@@ -142,7 +142,7 @@ class RepairTools(QObject):
 
     def _split_between(self, found: tuple[int, Voxel, Voxel] | None) -> None:
         self._split_tool = None
-        session = self._workspace.document
+        session = self._workspace.session
         if found is not None and session is not None:
             split = partial(_split_off, session, found[0])
             self._put(lambda editor: editor.split_task(*found), split)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -214,7 +213,8 @@ def scroll_to_new(widget: QWidget, scheduler: Scheduler) -> None:
     widget : QWidget
     scheduler : Scheduler
     """
-    scheduler.later(LAID_OUT_MS, partial(scroll_to, widget))
+    # What was over at once is hidden by then.
+    scheduler.later(LAID_OUT_MS, lambda: scroll_to(widget) if widget.isVisible() else None)
 
 
 def order_tabs(layout: QLayout) -> None:

@@ -348,7 +348,9 @@ class Workspace:
         return textures
 
     def forget(self, array: NDArray[Any] | None) -> None:
-        """Drop the textures made from an array, or all."""
+        """Drop the textures made from an array, or all and the memory of pictures."""
+        if array is None:
+            self.memory = HostMemory()
         for key, (label_ref, volume_ref, textures) in list(self._kept.items()):
             if array is None or array is label_ref() or (volume_ref and array is volume_ref()):
                 del self._kept[key]

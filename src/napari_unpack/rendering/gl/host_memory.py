@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 # Colour and depth of the image being made, and of the one before, which its maker still holds.
 KEPT = 4
+# Colour of a large screen's image; what is larger is seldom made in a row.
+MOST_BYTES = 16 * 3840 * 2160
 
 
 class HostMemory:
@@ -32,6 +34,8 @@ class HostMemory:
         shape : tuple of int
         """
         size = int(np.prod(shape)) * np.dtype(np.float32).itemsize
+        if size > MOST_BYTES:
+            return np.empty(shape, np.float32)
         for i, (block, holder) in enumerate(self._kept):
             if holder() is None and block.size == size:
                 memory = self._kept.pop(i)[0]

@@ -23,6 +23,16 @@ from napari_unpack.rendering.gl.trial import refusal
 TRYING = threading.RLock()
 
 
+def _try_anew() -> None:
+    """Let a forked process not wait for a thread of its parent's."""
+    global TRYING
+    TRYING = threading.RLock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_try_anew)
+
+
 class Offscreen:
     """A headless canvas; get the process's one from `context()`.
 

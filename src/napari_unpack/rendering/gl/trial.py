@@ -69,8 +69,7 @@ def shaders_digest() -> str:
     """Return a short name of all shaders' text: a driver is tried anew with other shaders."""
     folders = [resources.files("napari_unpack.shaders") / name for name in ("lib", "passes")]
     files = sorted((f for folder in folders for f in folder.iterdir()), key=lambda f: f.name)
-    text = "".join(f.read_text("utf-8") for f in files if f.is_file())
-    return sha256(text.encode()).hexdigest()[:16]
+    return sha256(b"".join(f.read_bytes() for f in files if f.is_file())).hexdigest()[:16]
 
 
 def draw_offscreen() -> None:
