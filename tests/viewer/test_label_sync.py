@@ -252,7 +252,7 @@ def test_another_time_point_and_a_flipped_view_stay_as_they_are() -> None:
     # Of a series that is followed as a whole all the same.
     both = with_sharing([series, Labels(series.data[0])], [series, other])
     assert other not in both
-    assert flipped not in with_sharing([Labels(first)], [flipped])
+    assert flipped not in with_sharing([Labels(series.data[0])], [series, flipped])
     assert np.array_equal(flipped.data, series.data[0][::-1])
 
 
