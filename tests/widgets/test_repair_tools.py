@@ -88,22 +88,25 @@ def test_two_clicks_split_and_undo_joins(
 
 
 def test_a_split_inside_an_opened_object_is_a_split_there(
-    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     volume, labels = tin()
     viewer.add_image(volume, name="scan")
     bag = controller_with(panel, qtbot, viewer.add_labels(labels, name="expert", visible=False))
-    panel.workspace.controller.recolor_at_rest = False
-    assert panel.workspace.controller.settle(60)
     panel.workspace.open_container(1)
     inside, whole = panel.workspace.session, bag.labels.copy()
     before = set(inside.ids)
-    assert panel.workspace.controller.settle(60)
+    # Two clicks on one thing in there.
+    voxels = [tuple(map(int, v)) for v in np.argwhere(inside.labels == 2)[[0, -1]]]
+
+    def clicked(_controller: Any, _told: Any, found: Any) -> None:
+        found((2, *voxels))
+
+    monkeypatch.setattr("napari_unpack.viewer.split_tool.SplitTool", clicked)
     press(qtbot, panel.objects.split)
-    click(panel, (8, 6, 6), qtbot)
-    click(panel, (8, 17, 17), qtbot)
     qtbot.waitUntil(lambda: set(inside.ids) > before, timeout=20000)
     assert np.array_equal(bag.labels, whole)
+    assert bag.ids == (1, 2)
 
 
 def test_undo_calls_off_a_repair_that_is_still_worked_out(
