@@ -57,20 +57,22 @@ def test_lost_labels_and_a_lost_session_are_made_again(
     client: Any, bags: Path, tmp_path: Path, labels: str
 ) -> None:
     output, named = tmp_path / "out", "labels.npz" if labels == "npz" else "labels.ome.zarr"
-    (first,) = nu.batch(bags / "a.npz", output, client, labels=labels, **QUICK).results
+    scan = tmp_path / "a.npz"
+    shutil.copy(bags / "a.npz", scan)
+    (first,) = nu.batch(scan, output, client, labels=labels, **QUICK).results
     folder = output / first.folder
     true = load_labels(folder / named)[0]
     session = nu.open_session(folder / "session.unpack")
     session.annotations.set_note(2, "a note")
     nu.save_session(session, folder / "session.unpack")
     shutil.rmtree(folder / named) if labels == "zarr" else (folder / named).unlink()
-    (again,) = nu.batch(bags / "a.npz", output, client, labels=labels, **QUICK).results
+    (again,) = nu.batch(scan, output, client, labels=labels, **QUICK).results
     assert np.array_equal(load_labels(folder / named)[0], true)
     # Not at the cost of what a person did since.
     assert nu.open_session(folder / "session.unpack").annotations.notes[2] == "a note"
     assert again.status == "kept"
     (folder / "session.unpack").unlink()
-    shutil.copy(bags / "a.npz", tmp_path / "renamed.npz")
+    scan.rename(tmp_path / "renamed.npz")
     report = nu.batch(tmp_path / "renamed.npz", output, client, labels=labels, **QUICK)
     assert report.results[0].status == "done"
     assert nu.open_session(session_in(output, "renamed")).step == 0

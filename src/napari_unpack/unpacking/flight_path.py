@@ -299,7 +299,7 @@ class Flight:
 
         Notes
         -----
-        To turn takes a quarter of a flight's time at least: what is nearly at its slot, or stands
+        To turn takes half a flight's time at least: what is nearly at its slot, or stands
         there still, would jump to another one.
         """
         if self.target.is_at(target):
@@ -309,7 +309,7 @@ class Flight:
         # In the bag it stands where it does wherever it goes.
         if self._share_of_way_out(time) == 0.0:
             return replace(self, target=target, before=None)
-        start = self.start if self.back else max(self.start, time - 0.75 * self.seconds)
+        start = self.start if self.back else max(self.start, time - self.seconds / 2)
         return replace(self, target=target, start=start, before=self, sent=time)
 
 
