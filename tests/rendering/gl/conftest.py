@@ -45,6 +45,19 @@ def gl(offscreen_context):
         assert GL.glGetError() == GL.GL_NO_ERROR
 
 
+@pytest.fixture
+def compute(gl):
+    """The current context, which has compute shaders."""
+    from napari_unpack.rendering.gl import compute_program
+
+    if not compute_program.supported():
+        reason = "this driver has no compute shaders (OpenGL 4.3)"
+        if os.environ.get("UNPACK_REQUIRE_GL") == "1":
+            pytest.fail(reason)
+        pytest.skip(reason)
+    return gl
+
+
 @pytest.fixture(scope="session")
 def shared_canvas(offscreen_context):
     from vispy import app, scene

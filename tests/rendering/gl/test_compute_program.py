@@ -1,7 +1,5 @@
 """Compute shaders beside gloo's programs: which pixels they write, and what they leave behind."""
 
-import os
-
 import numpy as np
 import pytest
 from vispy import gloo
@@ -26,14 +24,6 @@ void main() {
     WRITE_1(vec4(PIXEL.y - PIXEL.x));
 }
 """
-
-
-@pytest.fixture
-def compute(gl):
-    if not compute_program.supported():
-        if os.environ.get("UNPACK_REQUIRE_GL") == "1":
-            pytest.fail("this driver has no compute shaders (OpenGL 4.3)")
-        pytest.skip("this driver has no compute shaders (OpenGL 4.3)")
 
 
 def source(code, **options):

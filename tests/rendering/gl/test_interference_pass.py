@@ -1,22 +1,11 @@
 """Interference by scatter on the graphics card, against the CPU, exactly."""
 
-import os
-
 import numpy as np
 import pytest
 
 from napari_unpack.appearance import interference
 from napari_unpack.rendering import interference_in
 from napari_unpack.rendering.gl import backend as gl_backend
-from napari_unpack.rendering.gl import compute_program
-
-
-@pytest.fixture
-def scatter(gl):
-    if not compute_program.supported():
-        if os.environ.get("UNPACK_REQUIRE_GL") == "1":
-            pytest.fail("this driver has no compute shaders (OpenGL 4.3)")
-        pytest.skip("this driver has no compute shaders (OpenGL 4.3)")
 
 
 def blots(seed, layers, height=37, width=52, objects=12):
@@ -33,7 +22,7 @@ def blots(seed, layers, height=37, width=52, objects=12):
 
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize(("layers", "distance"), [(1, 5), (2, 5), (3, 2.5), (2, 0), (2, 1)])
-def test_scatter_finds_the_pairs_and_contact_lengths_of_the_cpu(scatter, seed, layers, distance):
+def test_scatter_finds_the_pairs_and_contact_lengths_of_the_cpu(compute, seed, layers, distance):
     ids = blots(seed, layers)
     wanted = interference(ids, distance)
     found = interference_in(ids, distance, backend="gl")
@@ -41,7 +30,7 @@ def test_scatter_finds_the_pairs_and_contact_lengths_of_the_cpu(scatter, seed, l
     assert dict(found.edges) == {tuple(sorted(e)): d for e, d in wanted.edges.items()}
 
 
-def test_it_did_run_on_gl_and_large_ids_come_back(scatter):
+def test_it_did_run_on_gl_and_large_ids_come_back(compute):
     ids = np.array([[[0, 70_001, 70_001, 0, 5]]])
     passes = gl_backend.workspace_here().interference.passes
     graph = interference_in(ids, 2, backend="gl")
@@ -49,16 +38,16 @@ def test_it_did_run_on_gl_and_large_ids_come_back(scatter):
     assert list(graph.edges(data="weight")) == [(5, 70_001, 2)]
 
 
-def test_beyond_4096_objects_the_cpu_answers(scatter):
+def test_beyond_4096_objects_the_cpu_answers(compute):
     ids = np.arange(1, 4098).reshape(1, 17, 241)
     assert len(interference_in(ids, 1, backend="gl").edges) == 17 * 240 + 16 * 241
 
 
-def test_nothing_in_view_is_an_empty_graph(scatter):
+def test_nothing_in_view_is_an_empty_graph(compute):
     assert len(interference_in(np.zeros((1, 8, 8), int), 5, backend="gl")) == 0
 
 
-def test_ids_beyond_the_whole_numbers_of_floats_stay_apart(scatter):
+def test_ids_beyond_the_whole_numbers_of_floats_stay_apart(compute):
     ids = np.zeros((1, 8, 8), np.uint64)
     ids[0, :, :3], ids[0, :, 3:6] = 2**53, 2**53 + 1
     found = interference_in(ids, 2, backend="gl")

@@ -1,7 +1,5 @@
 """The paper's second method, one pass with atomic counters, against the CPU ray caster."""
 
-import os
-
 import numpy as np
 import pytest
 from crowded_bags import assert_counted_as_by_the_cpu
@@ -13,17 +11,8 @@ from napari_unpack.rendering.gl import compute_program
 from napari_unpack.rendering.gl.occlusion_atomics import RayTooCrowdedError
 
 
-@pytest.fixture
-def atomics(gl):
-    if not compute_program.supported():
-        reason = "this driver has no compute shaders (OpenGL 4.3)"
-        if os.environ.get("UNPACK_REQUIRE_GL") == "1":
-            pytest.fail(reason)
-        pytest.skip(reason)
-
-
 @pytest.mark.parametrize("seed", range(8))
-def test_one_pass_counts_what_the_cpu_counts(atomics, seed):
+def test_one_pass_counts_what_the_cpu_counts(compute, seed):
     assert_counted_as_by_the_cpu(seed, method="atomics")
 
 
@@ -36,7 +25,7 @@ def crowd():
     return labels, cast_rays(camera, (4, 4), voxel_from_world((1, 1, 1)), 0.5), visible
 
 
-def test_a_ray_through_more_objects_than_it_remembers_goes_the_other_way(atomics):
+def test_a_ray_through_more_objects_than_it_remembers_goes_the_other_way(compute):
     labels, rays, visible = crowd()
     with pytest.raises(RayTooCrowdedError):
         gl_backend.occlusion_counts(labels, rays, visible, method="atomics")
@@ -46,5 +35,5 @@ def test_a_ray_through_more_objects_than_it_remembers_goes_the_other_way(atomics
     assert found.blocks.sum(axis=1).tolist() == list(range(119, -1, -1))
 
 
-def test_the_pass_compiles(atomics):
+def test_the_pass_compiles(compute):
     assert "u_objects" in compute_program.computed("count_occluded.comp")

@@ -338,7 +338,8 @@ class Workspace:
         if textures.factor != (1, 1, 1):
             # Coarser IDs would be other answers than the processor's, which has no such limit.
             textures.delete()
-            raise ValueError(f"volume must fit the graphics driver: {textures.notice}")
+            size = "x".join(map(str, labels.shape))
+            raise ValueError(f'volume ({size}) is too large for this graphics driver; use "cpu"')
         textures.send()
         volume_ref = None if volume is None else weakref.ref(volume)
         self._kept[id(labels), id(volume)] = (weakref.ref(labels), volume_ref, textures)
