@@ -24,7 +24,7 @@ from tin import tin
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from benchmarks.event_loop import EventLoopWatch
+from benchmarks.event_loop import LEAST_SECONDS, EventLoopWatch
 
 # Three times the goal of docs/benchmarks.md, and of the main thread's own processor time: other
 # tests run at the same time.
@@ -153,7 +153,9 @@ def test_the_watch_tells_whose_code_a_stall_is_in(
     watch.stalls.clear()
     time.sleep(0.2)
     qtbot.wait(60)
-    assert watch.longest().ours == 0.0
+    # Events that waited meanwhile may pass a filter of ours before the watch ticks.
+    assert max(stall.seconds for stall in watch.stalls) > 0.15
+    assert watch.longest().ours < LEAST_SECONDS
     monkeypatch.setattr(type(panel.workspace), "close", lambda _: time.sleep(0.2))
     panel.workspace.end()
     qtbot.wait(60)
