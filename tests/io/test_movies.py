@@ -196,7 +196,7 @@ def test_pictures_and_films_show_what_was_measured_where_it_is_now(session: Any)
     film.animated = True
     film.unpack([2])
     (flight,) = film.flights.values()
-    part = flight.start + 0.4 * flight.seconds
+    part = flight.start + 0.35 * flight.seconds
     pose = flight.pose(part, camera).pivot_from_world(film.boxes.center(2, film.spacing))
     flying = camera.pixels(transform_points(pose, first_ends(session)), (360, 480))
     assert np.abs(flying - first).max() > 5

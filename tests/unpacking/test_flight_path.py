@@ -60,13 +60,8 @@ def test_a_flight_starts_packed_and_ends_at_its_slot(fov, direction):
 def test_it_is_seen_as_the_bag_is_until_clear_of_it_and_as_its_sprite_at_its_slot():
     now, going = camera(fov=30.0), flight()
     clear = 10.0 + 2.0 * going.first_leg(now)
-    assert [going.flatness(time, now) for time in (-5.0, 10.0, clear, 12.0, 99.0)] == [
-        0,
-        0,
-        0,
-        1,
-        1,
-    ]
+    flat = [going.flatness(time, now) for time in (-5.0, 10.0, clear, 12.0, 99.0)]
+    assert flat == pytest.approx([0, 0, 0, 1, 1], abs=1e-12)
     # Smoothly: half of it half way through the rest.
     assert going.flatness((clear + 12.0) / 2, now) == pytest.approx(0.5)
     # Turned round, and sent elsewhere, it does not jump.
@@ -110,6 +105,26 @@ def test_the_way_is_continuous():
     assert steps.max() < 1.5
     turns = [np.abs(a.rotation - b.rotation).max() for a, b in pairwise(poses)]
     assert max(turns) < 0.01
+
+
+@pytest.mark.parametrize("clear", [15.0, 148.0])
+@pytest.mark.parametrize("target", [(0.0, 20.0, 150.0), (0.0, 130.0, -60.0)])
+def test_it_neither_jerks_nor_halts_on_the_way(clear: float, target: tuple[float, ...]) -> None:
+    going = replace(flight(), clear=clear, target=Pose(np.array(target), np.eye(3), 0.5))
+    now = camera((0.3, -0.5, 0.8))
+    centers = [going.pose_at(f, now).center for f in np.linspace(0, 1, 401)]
+    speeds = np.linalg.norm(np.diff(centers, axis=0), axis=1)
+    # A sharp bend, of which a step sees the chord, takes a sixth of the mean.
+    assert np.abs(np.diff(speeds)).max() < 0.2 * speeds.mean()
+    assert speeds[60:340].min() > 0.25 * speeds.mean()
+
+
+def test_what_leaves_together_goes_the_first_leg_side_by_side_wherever_it_is_going() -> None:
+    now, near = camera((0.3, -0.5, 0.8)), flight()
+    far = replace(near, target=Pose(np.array([0.0, 300.0, -400.0]), np.eye(3), 0.3))
+    assert near.first_leg(now) == far.first_leg(now) > 0.2
+    for fraction in np.linspace(0, near.first_leg(now), 9)[:-1]:
+        assert_same(near.pose_at(fraction, now), far.pose_at(fraction, now))
 
 
 def test_the_way_back_is_the_way_out_backwards_also_after_the_bag_was_turned():
@@ -171,10 +186,8 @@ def test_progress_and_arrival():
 def test_round_a_ball_the_way_begins_and_ends_where_it_should_and_keeps_out():
     start, along, center = np.array([0.0, 40.0, 10.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3)
     for target in ([0.0, -130.0, 0.0], [0.0, 20.0, 125.0], [0.0, 140.0, 0.0], [0.0, -90.0, -90.0]):
-        way = [
-            path_around_bag(start, along, np.array(target), center, 100.0, gone)
-            for gone in np.linspace(0, 1, 501)
-        ]
+        gone = np.linspace(0, 1, 501)
+        way = path_around_bag(start, along, np.array(target), center, 100.0, gone)
         np.testing.assert_allclose(way[0], start, atol=1e-9)
         np.testing.assert_array_equal(way[-1], target)
         steps = np.linalg.norm(np.diff(way, axis=0), axis=1)
@@ -185,9 +198,7 @@ def test_round_a_ball_the_way_begins_and_ends_where_it_should_and_keeps_out():
 
 def test_to_the_opposite_side_it_passes_before_the_bag():
     start, along = np.array([0.0, 120.0, 0.0]), np.array([0.0, 1.0, 0.0])
-    way = [
-        path_around_bag(start, along, -start, np.zeros(3), 100.0, g) for g in np.linspace(0, 1, 21)
-    ]
+    way = path_around_bag(start, along, -start, np.zeros(3), 100.0, np.linspace(0, 1, 21))
     assert max(p[0] for p in way) > 100.0
     assert min(p[0] for p in way) >= -1e-9
 

@@ -265,21 +265,24 @@ def launch(
         Members of a group depart at once and go the same first leg; groups follow each other.
     """
     flights: dict[int, Flight] = {}
-    removals: dict[tuple[int, ...], tuple[float, float]] = {}
+    poses = {i: placement.pose(slots, stretch) for i, placement in placements.items()}
+    removals: dict[tuple[int, ...], tuple[float, float, Ball]] = {}
     for object_id, placement in placements.items():
         # Members are held together, so they must go the same way at the same time.
-        if placement.group not in removals:
+        group = placement.group
+        if group not in removals:
             start = now + len(removals) * STAGGER * seconds
-            removals[placement.group] = start, bag.clear_way(placement.group, placement.direction)
-        start, clear = removals[placement.group]
-        pose = placement.pose(slots, stretch)
+            balls = [bag.ball(i, poses[i]) for i in group if i in poses]
+            around = max(balls, key=lambda ball: ball.radius)
+            removals[group] = start, bag.clear_way(group, placement.direction), around
+        start, clear, around = removals[group]
         flights[object_id] = Flight(
             object_id,
             bag.boxes.center(object_id, bag.spacing),
             placement.direction,
             clear,
-            pose,
-            bag.ball(object_id, pose),
+            poses[object_id],
+            around,
             start,
             seconds,
             back,
