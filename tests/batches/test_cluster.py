@@ -8,8 +8,9 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
-from threading import Timer
+from threading import Thread, Timer
 from time import monotonic, sleep
 from typing import Any
 
@@ -17,8 +18,9 @@ import numpy as np
 import psutil
 import pytest
 import zarr
-from dask_pair import Pair
+from dask_pair import Pair, make_bag
 
+import napari_unpack as nu
 from napari_unpack.batches.cluster import cluster_client
 from napari_unpack.batches.large_files import segment_zarr
 from napari_unpack.segmentation.block_workers import BlockWorkers
@@ -61,6 +63,35 @@ def test_who_waits_for_blocks_that_no_worker_is_left_for_is_told(deserted: str) 
     share = Share(lambda _, text: stop_where_no_worker(text))
     with cluster_client([], scheduler=deserted) as client, pytest.raises(Cancelled):
         list(BlockWorkers(client).run(source_of(volume), iter([job]), 1, share))
+
+
+def test_a_run_whose_last_worker_is_lost_says_so_and_goes_on_with_the_next(tmp_path: Path) -> None:
+    own, said, done = Pair(tmp_path), list[str](), list[str]()
+    victim = own.worker()
+    inputs = [make_bag(tmp_path / f"{n}.npz", n) for n in range(3)]
+
+    def say(sentence: str) -> None:
+        said.append(sentence)
+        if "lost its workers" in sentence:
+            own.worker()
+
+    def told(result: Any, *_: int) -> None:
+        done.append(result.status)
+        victim.kill()
+
+    with cluster_client([], scheduler=str(own.file)) as client:
+        client.wait_for_workers(1, timeout=60)
+        run = partial(
+            nu.batch, inputs, tmp_path / "out", client, say=say, told=told, pictures=False
+        )
+        work = Thread(target=run, daemon=True)
+        work.start()
+        work.join(90)
+    own.close()
+    assert said[1:] == ["the cluster has lost its workers: waiting for one"]
+    # A result that was lost is made again, or found where the worker had written it.
+    assert len(done) == 3
+    assert set(done) <= {"done", "kept"}
 
 
 @pytest.mark.parametrize(

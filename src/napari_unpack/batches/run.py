@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from time import sleep
 from typing import TYPE_CHECKING, Any
 
 from napari_unpack.atomic import check_space, check_writable, given_path, written_atomically
@@ -31,6 +32,7 @@ from napari_unpack.batches.run_settings import (
 )
 from napari_unpack.file_sizes import stored_size
 from napari_unpack.io.optional import needed
+from napari_unpack.tasks import BEAT_SECONDS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -157,7 +159,7 @@ def batch(
         claim_folder(folder, settings)
         speak(_described(cluster))
         place = (folder, settings, large)
-        for result in _results(cluster, scans, place, known, threads):
+        for result in _results(cluster, scans, place, known, threads, speak):
             done[result.scan] = result
             if told is not None:
                 told(result, len(done), len(scans))
@@ -205,33 +207,67 @@ def _results(
     place: tuple[Path, Settings, bool],
     known: dict[str, str],
     threads: int | None,
+    speak: Callable[[str], None],
 ) -> Iterator[ScanResult]:
     """Yield what came of each scan as it is done; Dask sees to workers that are lost."""
-    from distributed import as_completed
+    from distributed import CancelledError, as_completed
 
     from napari_unpack.batches.on_worker import WorkerSetup, same, scan_on_worker
     from napari_unpack.batches.scan_work import Place
 
     folder, settings, large = place
     client.register_plugin(WorkerSetup(threads_by_host(client), threads))
+    # Kept to the end: without it nothing that is lost with its worker can be done again.
+    shared = client.submit(same, known, pure=False)
     futures = client.map(
         scan_on_worker,
         scans,
         place=Place(folder, settings, large=large),
-        known=client.submit(same, known, pure=False),
+        known=shared,
         pure=False,
     )
     by_key = {future.key: scan for future, scan in zip(futures, scans, strict=True)}
     waiting = as_completed(futures, loop=client.loop)
     # Else each is kept until all are done, and its result on the cluster with it.
     del futures
-    for future in waiting:
-        if future.cancelled():
+    look = _watch_of_workers(client, speak)
+    while not waiting.is_empty():
+        while not waiting.has_ready():
+            look()
+            sleep(BEAT_SECONDS)
+        future = next(waiting)
+        try:
+            yield _fetched(future, by_key[future.key], look)
+        except CancelledError as error:
             raise ConnectionError(
                 "the Dask cluster was lost: what is done is kept, and the same command goes on"
-            )
-        error = future.exception() if future.status == "error" else None
-        yield future.result() if error is None else _lost(by_key[future.key], error)
+            ) from error
+
+
+def _fetched(future: Any, scan: ScanInput, look: Callable[[], None]) -> ScanResult:
+    while future.status != "error":
+        try:
+            result: ScanResult = future.result(timeout=BEAT_SECONDS)
+        except TimeoutError:
+            # The worker that had it is gone: another one does the scan again.
+            look()
+        else:
+            return result
+    return _lost(scan, future.exception())
+
+
+def _watch_of_workers(client: Any, speak: Callable[[str], None]) -> Callable[[], None]:
+    """Return what says so whenever the last worker of a cluster is gone."""
+    there = True
+
+    def look() -> None:
+        nonlocal there
+        # Asked of a few: workers may be many. A lost scheduler has none, and ends the futures.
+        before, there = there, bool(client.scheduler_info(n_workers=1)["workers"])
+        if before and not there:
+            speak("the cluster has lost its workers: waiting for one")
+
+    return look
 
 
 def _lost(scan: ScanInput, error: BaseException) -> ScanResult:
