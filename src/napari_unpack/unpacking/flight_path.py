@@ -255,8 +255,10 @@ class Flight:
         here = np.interp([gone * lengths[-1]], lengths, steps)
         [place] = self._places(outside, camera, here, nearest)
         turned = outside.toward(self.target, ease(rest))
-        # Size keeps pace with place: an object still large beside its slot would leave the window.
-        return replace(turned, center=place, scale=self.target.scale**gone)
+        # Small before it is there, large only once there: an object still large beside its slot
+        # would leave the window.
+        sized = 1.0 - (1.0 - gone) ** 2 if self.target.scale < 1.0 else gone**2
+        return replace(turned, center=place, scale=self.target.scale**sized)
 
     def _places(
         self, outside: Pose, camera: Camera, gone: NDArray[np.float64], nearest: float
