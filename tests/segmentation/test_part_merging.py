@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from phantoms import box
 
-from napari_unpack import memory
 from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.segmentation.learned import part_merging
 from napari_unpack.segmentation.learned.fragments import FragmentAffinities
@@ -52,32 +51,22 @@ def measured(spacing=(1.0, 1.0, 1.0)):
 def test_what_fragments_say_is_added_up_between_and_within_parts():
     labels, parts = measured()
     assert np.unique(labels).tolist() == [0, 1, 2, 3]
-    assert parts.between[1, 2].tolist() == parts.between[2, 1].tolist() == [4, 0, 0, 2]
-    assert parts.pairs[1, 2].tolist() == [20, 0, 0, 4]
+    for one, two in ((1, 2), (2, 1)):
+        assert parts.between.between(one, two).tolist() == [4, 0, 0, 2, 20, 0, 0, 4]
     assert parts.within[1].tolist() == [9, 0, 0, 8]
     row = dict(zip(FEATURES, parts.features(1, 2, np.zeros(20)), strict=True))
     assert row["belonging"] == pytest.approx((4 + 2 * 2) / (20 + 2 * 4))
     assert row["belonging_next"] == pytest.approx(0.2)
 
 
-def test_parts_whose_pairs_do_not_fit_into_memory_are_refused_with_what_to_do(monkeypatch):
-    # Three parts and the background: eleven numbers and the copies of eight for each pair.
-    needed = 4 * 4 * 8 * (11 + 4)
-    monkeypatch.setattr(memory, "free_memory", lambda: needed)
-    measured()
-    monkeypatch.setattr(memory, "free_memory", lambda: needed - 1)
-    with pytest.raises(ValueError, match=r"comparing 3 parts with each other needs .* grainy"):
-        measured()
-
-
 def test_joining_two_parts_loses_no_pair_of_cells():
     _, parts = measured()
     parts.join(1, 2)
     assert parts.within[1].tolist() == [9 + 7 + 4, 0, 0, 8 + 7 + 2]
-    assert parts.between[1, 3].tolist() == parts.between[3, 1].tolist() == [9, 0, 0, 13]
-    assert parts.pairs[1, 3].tolist() == [10, 0, 0, 18]
-    assert not parts.between[2].any()
-    assert not parts.between[1, 1].any()
+    for one, two in ((1, 3), (3, 1)):
+        assert parts.between.between(one, two).tolist() == [9, 0, 0, 13, 10, 0, 0, 18]
+    assert not parts.between.of(2)
+    assert list(parts.between.of(1)) == [3]
 
 
 def test_only_the_proportions_of_voxels_count():

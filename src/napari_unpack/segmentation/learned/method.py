@@ -54,7 +54,7 @@ from napari_unpack.segmentation.learned.fragments import (
     find_fragments,
     measure_affinities,
 )
-from napari_unpack.segmentation.learned.pair_classifier import Parts
+from napari_unpack.segmentation.learned.pair_classifier import AREA
 from napari_unpack.segmentation.learned.part_merging import (
     PredictedParts,
     measure_predicted_parts,
@@ -265,7 +265,8 @@ def find_objects(
     merging = share.part(0.6, 0.8, "Merging parts")
     first = merging.part(0.0, 0.5)
     pieces, measured = split_at_density_steps(density, spacing, found, noted, first)
-    log, touching = JoinLog(), _touching(measured)
+    # A merge uses them up.
+    log, touching = JoinLog(), measured.contacts.pairs(AREA)
     labels = merge_pieces(pieces, measured, log=log, share=merging.part(0.5, 0.7))
     if noted is not None:
         noted.levels.append(Level.of(log, pieces, *touching))
@@ -298,14 +299,9 @@ def _metal(
     return (counts >= least) & (label_means(labels, lifted) >= np.log1p(METAL))
 
 
-def _touching(measured: Parts) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the pairs of parts that touch and their areas, before a merge uses them up."""
-    pairs = np.argwhere(np.triu(measured.area, 1) > 0)
-    return pairs, measured.area[pairs[:, 0], pairs[:, 1]]
-
-
 def _merged_parts(found: Oversegmentation, noted: Steps | None, share: Share) -> NDArray[np.int32]:
-    log, touching = JoinLog(), _touching(found.measured)
+    # A merge uses them up.
+    log, touching = JoinLog(), found.measured.contacts.pairs(AREA)
     merged = merge_parts(found.parts, found.measured, log=log, share=share)
     if noted is not None:
         noted.levels.append(Level.of(log, found.parts, *touching))

@@ -21,10 +21,11 @@ from napari_unpack.file_sizes import load_arrays
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.kernels import njit
 from napari_unpack.read_errors import read_errors_told
-from napari_unpack.segmentation.common.adjacency import join_rows
+from napari_unpack.segmentation.common.adjacency import find_neighbours
 from napari_unpack.segmentation.common.convex_hull import hull_volume, mask_corners, support_points
 from napari_unpack.segmentation.common.depths import label_depths
 from napari_unpack.segmentation.common.joins import JoinLog
+from napari_unpack.segmentation.common.pair_sums import PairSums
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.tasks import SILENT, Share
 
@@ -53,6 +54,10 @@ PAIR_FEATURES = (
 )
 
 
+# The first of the sums over a contact.
+AREA = 0
+
+
 @dataclass
 class Parts:
     """Additive measurements of parts and of how they touch; merging two is adding rows.
@@ -61,9 +66,9 @@ class Parts:
     ----------
     sums : (M, 5) ndarray of float64
         Of every label: voxels, log density, its square, depth (mm), area to background (mm^2).
-    area, middle, step : (M, M) ndarray of float64
-        Of every pair: touching area (mm^2), and the sums over it (times face area) of the mean log
-        density on both sides and of its absolute step.
+    contacts : PairSums
+        Of every pair that touches: area (mm^2), and the sums over it (times face area) of the mean
+        log density on both sides and of its absolute step.
     hulls : list of (K, 3) ndarray
         The furthest corners of every label's convex hull, mm; see `support_points`.
     hull_volumes : (M,) ndarray of float64
@@ -73,9 +78,7 @@ class Parts:
     """
 
     sums: NDArray[np.float64]
-    area: NDArray[np.float64]
-    middle: NDArray[np.float64]
-    step: NDArray[np.float64]
+    contacts: PairSums
     hulls: list[NDArray[np.float64]]
     hull_volumes: NDArray[np.float64]
     voxel: float
@@ -90,11 +93,14 @@ class Parts:
         """
         self.sums[one] += self.sums[two]
         self.sums[two] = 0
-        for table in (self.area, self.middle, self.step):
-            join_rows(table, one, two)
+        self.contacts.join(one, two)
         self.hulls[one] = support_points(np.concatenate([self.hulls[one], self.hulls[two]]))
         self.hull_volumes[one] = hull_volume(self.hulls[one])
         self.hulls[two] = self.hulls[two][:0]
+
+    def surface(self, one: int) -> float:
+        """Return the area over which a part touches others or the background, mm^2."""
+        return self.contacts.total(one, AREA) + float(self.sums[one, 4])
 
 
 def measure_parts(
@@ -118,9 +124,13 @@ def measure_parts(
     depth = label_depths(labels, spacing)
     share(0.3)
     faces = np.prod(spacing) / np.array(spacing)
-    sums = np.zeros((count, 5))
-    area, middle, step = (np.zeros((count, count)) for _ in range(3))
-    _measure(labels, lifted, depth, faces, sums, area, middle, step)
+    sums, near = np.zeros((count, 5)), find_neighbours(labels, spacing)
+    shared = np.zeros((len(near.other), 3))
+    _measure(labels, lifted, depth, faces, sums, near.start, near.other, shared)
+    ends = np.stack([np.repeat(np.arange(count), np.diff(near.start)), near.other], axis=1)
+    # Both directions are there; the kernel fills the one from the lower label.
+    once = ends[:, 0] < ends[:, 1]
+    contacts = PairSums(count, ends[once], shared[once])
     boxes = label_boxes(labels)
     hulls = [np.zeros((0, 3))] * count
     volumes = np.zeros(count)
@@ -129,11 +139,11 @@ def measure_parts(
         first = np.array([b.start for b in box])
         corners = support_points(mask_corners(labels[box] == name, first, spacing))
         hulls[name], volumes[name] = corners, hull_volume(corners)
-    return Parts(sums, area, middle, step, hulls, volumes, float(np.prod(spacing)))
+    return Parts(sums, contacts, hulls, volumes, float(np.prod(spacing)))
 
 
 @njit(cache=True, nogil=True)
-def _measure(labels, lifted, depths, faces, sums, area, middle, step):  # type: ignore[no-untyped-def]
+def _measure(labels, lifted, depths, faces, sums, start, others, shared):  # type: ignore[no-untyped-def]
     """Add up what `Parts` holds of labels and of pairs of them, by the faces between them."""
     depth, height, width = labels.shape
     for z in range(depth):
@@ -158,10 +168,18 @@ def _measure(labels, lifted, depths, faces, sums, area, middle, step):  # type: 
                         sums[other, 4] += faces[axis]
                     else:
                         beyond = lifted[k, j, i]
-                        for a, b in ((here, other), (other, here)):
-                            area[a, b] += faces[axis]
-                            middle[a, b] += faces[axis] * (value + beyond) / 2
-                            step[a, b] += faces[axis] * abs(value - beyond)
+                        one, two = min(here, other), max(here, other)
+                        row, above = start[one], start[one + 1]
+                        # Rows are sorted: halve until it is the first not below.
+                        while row < above:
+                            middle = (row + above) // 2
+                            if others[middle] < two:
+                                row = middle + 1
+                            else:
+                                above = middle
+                        shared[row, 0] += faces[axis]
+                        shared[row, 1] += faces[axis] * (value + beyond) / 2
+                        shared[row, 2] += faces[axis] * abs(value - beyond)
 
 
 def pair_features(parts: Parts, one: int, two: int) -> NDArray[np.float64]:
@@ -186,8 +204,8 @@ def pair_features(parts: Parts, one: int, two: int) -> NDArray[np.float64]:
     small, large = sorted((one, two), key=lambda k: (parts.sums[k, 0], k))
     s, b = parts.sums[small], parts.sums[large]
     volumes = np.array([s[0], b[0]]) * parts.voxel
-    contact = parts.area[one, two]
-    surface = np.array([parts.area[k].sum() + parts.sums[k, 4] for k in (small, large)])
+    contact, middle, step = parts.contacts.between(one, two)
+    surface = np.array([parts.surface(small), parts.surface(large)])
     means = np.array([s[1] / s[0], b[1] / b[0]])
     spreads = np.sqrt(np.maximum([s[2] / s[0] - means[0] ** 2, b[2] / b[0] - means[1] ** 2], 0))
     thickness = np.array([4 * s[3] / s[0], 4 * b[3] / b[0]]) / np.cbrt(volumes)
@@ -209,8 +227,8 @@ def pair_features(parts: Parts, one: int, two: int) -> NDArray[np.float64]:
             volumes[1] / hulls[1],
             volumes.sum() / both,
             (hulls.sum() - both) / hulls[0],
-            means.min() - parts.middle[one, two] / contact,
-            parts.step[one, two] / contact,
+            means.min() - middle / contact,
+            step / contact,
             contact / volumes[0] ** (2 / 3),
             spreads[0],
             spreads[1],
@@ -329,9 +347,10 @@ def agglomerate(
         elif log is not None:
             log.apart[one, two] = chance
 
-    surface = parts.area.sum(axis=1) + parts.sums[:, 4]
-    near = parts.area > TOUCHING * np.minimum.outer(surface, surface)
-    for one, two in share.part(0.0, 0.5).over(np.argwhere(np.triu(near, 1)).tolist()):
+    surface = np.array([parts.surface(k) for k in range(count)])
+    pairs, areas = parts.contacts.pairs(AREA)
+    near = areas > TOUCHING * surface[pairs].min(axis=1)
+    for one, two in share.part(0.0, 0.5).over(pairs[near].tolist()):
         consider(one, two)
     merged = 0
     while heap:
@@ -347,8 +366,8 @@ def agglomerate(
             log.joined.append((one, two, -lacking))
         version[one] += 1
         version[two] = -1
-        surface[one] = parts.area[one].sum() + parts.sums[one, 4]
-        enough = parts.area[one] > TOUCHING * np.minimum(surface[one], surface)
-        for other in np.flatnonzero(enough).tolist():
-            consider(one, other)
+        surface[one] = parts.surface(one)
+        for other, row in sorted(parts.contacts.of(one).items()):
+            if row[AREA] > TOUCHING * min(surface[one], surface[other]):
+                consider(one, other)
     return owner

@@ -14,11 +14,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.memory import check_memory
-from napari_unpack.segmentation.common.adjacency import join_rows
 from napari_unpack.segmentation.common.density_regions import DensityScale, log_density
 from napari_unpack.segmentation.common.joins import JoinLog
 from napari_unpack.segmentation.common.merging import absorb_small
+from napari_unpack.segmentation.common.pair_sums import PairSums
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS
 from napari_unpack.segmentation.common.validation import Spacing, proportions
 from napari_unpack.segmentation.learned.affinity_linkage import LinkageThreshold
@@ -57,16 +56,16 @@ class PredictedParts(Parts):
 
     Parameters
     ----------
-    between, within : ndarray of float64
-        (M, M, K) and (M, K): sums of the probabilities that two cells belong together, by reach.
-    pairs, inner : ndarray of float64
-        (M, M, K) and (M, K): of how many pairs of cells.
+    between : PairSums
+        Of every pair: sums of the probabilities that two cells belong together, by reach (K), and
+        of how many pairs of cells (K).
+    within, inner : (M, K) ndarray of float64
+        The same within every part.
     weights : (K,) ndarray of float64
         Of the reaches in a mean over all.
     """
 
-    between: NDArray[np.float64]
-    pairs: NDArray[np.float64]
+    between: PairSums
     within: NDArray[np.float64]
     inner: NDArray[np.float64]
     weights: NDArray[np.float64]
@@ -79,9 +78,10 @@ class PredictedParts(Parts):
         one, two : int
         """
         super().join(one, two)
-        for across, inside in ((self.between, self.within), (self.pairs, self.inner)):
-            inside[one] += inside[two] + across[one, two]
-            join_rows(across, one, two)
+        both = np.split(self.between.between(one, two), 2)
+        for across, inside in zip(both, (self.within, self.inner), strict=True):
+            inside[one] += inside[two] + across
+        self.between.join(one, two)
 
     def features(self, one: int, two: int, row: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the features of a pair, in the order of `FEATURES`.
@@ -99,7 +99,7 @@ class PredictedParts(Parts):
             "belonging" is the mean affinity over all pairs of cells, then by reach (the mean over
             all where there is none of it); cohesion the same within each of the two.
         """
-        sums, counts = self.between[one, two], self.pairs[one, two]
+        sums, counts = np.split(self.between.between(one, two), 2)
         mean = float(sums @ self.weights) / max(float(counts @ self.weights), 1.0)
         reaches = np.where(counts > 0, sums / np.maximum(counts, 1), mean)
         ends = [one, two]
@@ -143,11 +143,6 @@ def measure_predicted_parts(
     parts : (Z, Y, X) ndarray of int32
         1, 2, ...; those of fewer than 100 voxels are part of a neighbour or of nothing.
     measured : PredictedParts
-
-    Raises
-    ------
-    ValueError
-        If tables of all pairs do not fit into memory: they grow with the square of the parts.
     """
     size = proportions(spacing)
     parts = absorb_small(parts, size, MIN_OBJECT_VOXELS)
@@ -156,30 +151,23 @@ def measure_predicted_parts(
     there = np.bincount(parts.reshape(-1), minlength=top) > 0
     there[0] = True
     number, reaches = int(there.sum()), affinities.sums.shape[1]
-    check_memory(
-        f"comparing {number - 1:,} parts with each other",
-        8 * number**2 * (3 * reaches + 3),
-        "take it for grainy (grainy=True), which compares none, or crop the volume",
-    )
     compact = np.where(there, np.cumsum(there) - 1, 0).astype(np.int32)
     labels = compact[parts]
     share(0.3)
     lifted = log_density(density, labels > 0, scale)
     plain = measure_parts(labels, lifted, size, share.part(0.4, 0.9))
-    between, pairs = (np.zeros((number, number, reaches)) for _ in range(2))
-    within, inner = (np.zeros((number, reaches)) for _ in range(2))
-    one, two = compact[owner[affinities.pairs]].T
-    for sums, across, inside in (
-        (affinities.sums, between, within),
-        (affinities.counts, pairs, inner),
-    ):
-        same = (one == two) & (one > 0)
-        np.add.at(inside, one[same], sums[same])
-        differ = (one != two) & (one > 0) & (two > 0)
-        np.add.at(across, (one[differ], two[differ]), sums[differ])
-        across += across.swapaxes(0, 1).copy()
+    one, two = np.sort(compact[owner[affinities.pairs]], axis=1).T
+    both = np.concatenate([affinities.sums, affinities.counts], axis=1)
+    same, differ = (one == two) & (one > 0), (one != two) & (one > 0)
+    inside = np.zeros((number, 2 * reaches))
+    np.add.at(inside, one[same], both[same])
+    keys, where = np.unique(one[differ] * np.int64(number) + two[differ], return_inverse=True)
+    across = np.zeros((len(keys), 2 * reaches))
+    np.add.at(across, where, both[differ])
+    between = PairSums(number, np.stack(np.divmod(keys, number), axis=1), across)
+    within, inner = (half.copy() for half in np.hsplit(inside, 2))
     return labels, PredictedParts(
-        **vars(plain), between=between, pairs=pairs, within=within, inner=inner, weights=weights
+        **vars(plain), between=between, within=within, inner=inner, weights=weights
     )
 
 

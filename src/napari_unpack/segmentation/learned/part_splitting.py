@@ -23,15 +23,16 @@ from napari_unpack.segmentation.common.density_regions import (
 )
 from napari_unpack.segmentation.common.joins import JoinLog
 from napari_unpack.segmentation.common.merging import absorb_small
+from napari_unpack.segmentation.common.pair_sums import PairSums
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS
 from napari_unpack.segmentation.common.validation import Spacing, proportions
-from napari_unpack.segmentation.learned.boundary_network import REACHES
 from napari_unpack.segmentation.learned.fragments import (
     cells_of,
     measure_affinities,
     measure_inner_affinities,
 )
 from napari_unpack.segmentation.learned.pair_classifier import (
+    AREA,
     PairClassifier,
     agglomerate,
     measure_parts,
@@ -43,7 +44,7 @@ from napari_unpack.tasks import SILENT, Share
 PIECE_FEATURES = (*FEATURES, "log_host", "rest_of_smaller", "log_pieces", "one_host")
 # Of log density, at which objects are split; the classifier was trained with it.
 SPLIT_STEP = 0.2
-# Above this, objects stay whole: tables of all pairs take 0.35 GB at this number.
+# Above this, objects stay whole: each piece costs some two milliseconds, for its hull.
 MOST_PIECES = 2000
 # Probability from which pieces of one object are merged: most that was one object is one. From
 # 0.1 to 0.4 the variation of information on validation bags stays within 0.03 bits.
@@ -104,9 +105,9 @@ class Pieces(PredictedParts):
             pieces the host has (log), and whether both have one host.
         """
         small = min((one, two), key=lambda k: (self.sums[k, 0], k))
-        surface = self.area[small].sum() + self.sums[small, 4]
+        touched = self.contacts.total(small, AREA)
         both = self.sums[one, 0] + self.sums[two, 0]
-        others = (self.area[small].sum() - self.area[one, two]) / surface
+        others = (touched - self.contacts.between(one, two)[AREA]) / self.surface(small)
         return np.array(
             [
                 *super().features(one, two, row),
@@ -157,18 +158,14 @@ def split_and_measure(
     top = int(host.max(initial=0)) + 1
     cells = cells_of(np.pad(pieces, [(0, n % 2) for n in pieces.shape]))
     affinities = measure_affinities(cells, far, share.part(0.9, 1.0))
-    between, pairs = (np.zeros((count, count, len(REACHES))) for _ in range(2))
-    one, two = affinities.pairs.T
-    for sums, across in ((affinities.sums, between), (affinities.counts, pairs)):
-        across[one, two] = across[two, one] = sums
+    across = np.concatenate([affinities.sums, affinities.counts], axis=1)
     # The smallest piece may be the main one of no cell.
     within, inner = (
         np.pad(s, ((0, count - len(s)), (0, 0))) for s in measure_inner_affinities(cells, far)
     )
     return pieces, Pieces(
         **vars(plain),
-        between=between,
-        pairs=pairs,
+        between=PairSums(count, affinities.pairs, across),
         within=within,
         inner=inner,
         weights=weights,
@@ -222,7 +219,7 @@ def merge_pieces(
     dense = measured.sums[:, 1] / voxels >= np.log1p(METAL)
     joined = own.astype(np.int32)[pieces]
     # The handles of scissors touch nothing but the blades, or not even these.
-    alone = measured.area.sum(axis=1) == 0
+    alone = np.array([measured.contacts.total(k, AREA) == 0 for k in range(len(voxels))])
     kept = (main | dense | alone)[: int(joined.max(initial=0)) + 1]
     return absorb_small(joined, (1.0, 1.0, 1.0), LEAST_PIECE, kept)
 
