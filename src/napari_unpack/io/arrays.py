@@ -105,8 +105,9 @@ def write_npz(path: Path, scan: Scan) -> None:
         arrays["assumed"] = np.array(scan.assumed, dtype=np.str_)
     if scan.scanner_from_scan is not None:
         arrays["scanner_from_scan"] = scan.scanner_from_scan
-    with written_atomically(path) as temporary:
-        np.savez_compressed(temporary, **arrays)  # type: ignore[arg-type]
+    # Into a stream: to a name that does not end in lower case numpy adds a suffix.
+    with written_atomically(path) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
 
 
 def _names_arrays(names: Mapping[int, str]) -> dict[str, NDArray[Any]]:
@@ -132,8 +133,8 @@ def write_labels_npz(path: Path, labels: NDArray[Any], spacing: Spacing) -> None
     labels : (Z, Y, X) ndarray of int
     spacing : (float, float, float) of mm, z y x
     """
-    with written_atomically(path) as temporary:
-        np.savez_compressed(temporary, labels=labels, spacing=np.asarray(spacing))
+    with written_atomically(path) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, labels=labels, spacing=np.asarray(spacing))
 
 
 def read_npy(path: Path, large: bool = False) -> FileData:
