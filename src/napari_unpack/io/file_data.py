@@ -125,6 +125,11 @@ class FileData:
         return replace(self, volume=volume, axes="".join(order))
 
 
+def size_text(spacing: Spacing) -> str:
+    """Return a voxel size as it is told, to more digits than anybody measures."""
+    return " x ".join(f"{mm:.5g}" for mm in spacing) + " mm"
+
+
 def axis_name(axis: str) -> str:
     """Return what an axis other than those of space is called in messages."""
     return _AXIS_NAMES.get(axis, f"{axis}-element")
