@@ -52,7 +52,8 @@ class FileData:
     axes : str
         A letter for each axis: z, y, x, c (channel), t (time), or what the file calls it.
     spacing : (float, float, float) of mm, z y x
-    labels : (Z, Y, X) ndarray of int, optional
+    labels : ([T,] Z, Y, X) ndarray of int, optional
+        Those of each time point where they have an axis more.
     assumed : tuple of str
         A sentence for each thing that the file does not say and that was assumed.
     scanner_from_scan : (4, 4) ndarray of float64, optional
@@ -112,7 +113,10 @@ class FileData:
         volume = self.volume[tuple(chosen.get(axis, slice(None)) for axis in self.axes)]
         left = [axis for axis in self.axes if axis in SPACE]
         volume = checked_volume_array(volume.transpose([left.index(a) for a in SPACE]), source)
-        return replace(self, volume=np.ascontiguousarray(volume), axes=SPACE)
+        labels = self.labels
+        if labels is not None and labels.ndim > len(SPACE):
+            labels = labels[chosen["t"]]
+        return replace(self, volume=np.ascontiguousarray(volume), axes=SPACE, labels=labels)
 
     def space_last(self) -> FileData:
         """Return data with the axes of space last, z y x, and those of length 1 left out."""

@@ -11,6 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from napari_unpack.file_sizes import TooLargeError
 from napari_unpack.io.file_data import SPACE, FileData
 from napari_unpack.io.scan import Scan
@@ -85,6 +87,7 @@ def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerDat
     if found.volume is not None:
         layers.append((found.volume, _attributes(found, name) | {"colormap": "gray"}, "image"))
     if found.labels is not None:
+        found = _labels_of_all_axes(found)
         named = {"features": label_features(names)} if names else {}
         about = _label_attributes(found, name, bool(layers))
         layers.append((found.labels, about | named, "labels"))
@@ -163,6 +166,18 @@ def _label_attributes(found: FileData, name: str, beside_image: bool) -> dict[st
         return _attributes(replace(found, axes=axes), f"{name} labels")
     # Labels alone are a file too, such as corrected ones.
     return _attributes(found, name)
+
+
+def _labels_of_all_axes(found: FileData) -> FileData:
+    """Return data whose labels of several time points have the channels of its volume too.
+
+    napari counts axes from the last: time would be taken for channels.
+    """
+    labels, volume = found.labels, found.volume
+    if labels is None or labels.ndim == len(SPACE) or volume is None or volume.ndim == labels.ndim:
+        return found
+    there = tuple(slice(None) if axis in f"t{SPACE}" else None for axis in found.axes)
+    return replace(found, labels=np.broadcast_to(labels[there], volume.shape).copy())
 
 
 def label_features(names: Mapping[int, str]) -> dict[str, list[Any]]:

@@ -66,9 +66,11 @@ def read_zarr(path: Path, large: bool = False) -> FileData:
     labels = _labels(node, path, large)
     assert found.volume is not None, "it was read"
     lengths = dict(zip(found.axes, found.volume.shape, strict=True))
-    # Labels of a coarser level cannot be laid over the volume.
-    if labels is not None and labels.shape != tuple(lengths.get(axis) for axis in SPACE):
-        return _without_labels(found)
+    # Labels of a coarser level, or of other time points, cannot be laid over the volume.
+    if labels is not None:
+        axes = SPACE if labels.ndim == len(SPACE) else f"t{SPACE}"
+        if labels.shape != tuple(lengths.get(axis) for axis in axes):
+            return _without_labels(found)
     return replace(found, labels=labels)
 
 
@@ -396,11 +398,14 @@ def _labels(node: Any, path: Path, large: bool) -> NDArray[Any] | None:
     names = _label_names(node)
     if not names:
         return None
-    # Labels have no channels; of several time points the first lies over the volume's first.
     found = _finest(node["labels"][names[0]], path, large)
-    first = found.one_volume({a: 0 for a in found.axes if a not in SPACE}, path).volume
-    assert first is not None, "it was read"
-    return checked_label_array(first, f"the labels of {path}")
+    assert found.volume is not None, "it was read"
+    # Labels have no channels.
+    first = {a: 0 for a in found.axes if a not in SPACE}
+    moments = dict(zip(found.axes, found.volume.shape, strict=True)).get("t", 1)
+    each = [found.one_volume(first | ({"t": t} if t else {}), path).volume for t in range(moments)]
+    labels = [checked_label_array(one, f"the labels of {path}") for one in each if one is not None]
+    return labels[0] if moments == 1 else np.stack(labels)
 
 
 def _label_names(node: Any) -> list[str]:

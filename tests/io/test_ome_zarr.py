@@ -1,0 +1,64 @@
+"""OME-Zarr as other programs write it: labels of time points, folders of images."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from napari_unpack.io import load_volume
+from napari_unpack.io.file_data import LABELS_LEFT_OUT
+from napari_unpack.io.napari_reader import read_layers
+
+zarr = pytest.importorskip("zarr")
+
+VOLUME = np.arange(2 * 3 * 4, dtype=np.uint16).reshape(2, 3, 4)
+LABELS = np.stack([VOLUME % 5, VOLUME % 7])
+
+
+def add_image(group: zarr.Group, array: np.ndarray, axes: str) -> None:
+    """Make an image of one level out of a group."""
+    group.create_array("0", data=array)
+    steps = [{"type": "scale", "scale": [2.0 if axis in "zyx" else 1.0 for axis in axes]}]
+    unit = {"unit": "millimeter"}
+    group.attrs["multiscales"] = [
+        {
+            "axes": [{"name": axis} | (unit if axis in "zyx" else {}) for axis in axes],
+            "datasets": [{"path": "0", "coordinateTransformations": steps}],
+        }
+    ]
+
+
+def save_image(path: Path, array: np.ndarray, axes: str, labels: np.ndarray | None = None) -> Path:
+    """Write an image, and labels of one channel beside it."""
+    root = zarr.open_group(str(path), mode="w", zarr_format=2)
+    add_image(root, array, axes)
+    if labels is not None:
+        group = root.create_group("labels")
+        group.attrs["labels"] = ["cells"]
+        add_image(group.create_group("cells"), labels, "tczyx")
+    return path
+
+
+@pytest.mark.parametrize("axes", ["tzyx", "tczyx", "ctzyx"])
+def test_each_time_point_has_its_own_labels(tmp_path: Path, axes: str) -> None:
+    shape = tuple({"t": 2, "c": 3, "z": 2, "y": 3, "x": 4}[axis] for axis in axes)
+    path = save_image(tmp_path / "a.zarr", np.ones(shape, np.uint8), axes, LABELS[:, None])
+    channel = {"c": 2} if "c" in axes else {}
+    for t in (0, 1):
+        found = load_volume(path, {"t": t} | channel)
+        np.testing.assert_array_equal(found.labels, LABELS[t])
+    image, labels = read_layers(str(path))
+    assert image[1]["axis_labels"] == labels[1]["axis_labels"] == tuple(axes)
+    there = {"tzyx": (1,), "tczyx": (1, 2), "ctzyx": (2, 1)}[axes]
+    np.testing.assert_array_equal(labels[0][there], LABELS[1])
+
+
+def test_labels_of_other_time_points_are_left_out(tmp_path: Path) -> None:
+    path = save_image(tmp_path / "a.zarr", VOLUME, "zyx", LABELS[:, None])
+    assert load_volume(path).assumed == (LABELS_LEFT_OUT,)
+    # One for all is laid over each.
+    series = np.stack([VOLUME] * 3)
+    path = save_image(tmp_path / "b.zarr", series, "tzyx", LABELS[:1, None])
+    np.testing.assert_array_equal(load_volume(path, {"t": 2}).labels, LABELS[0])
