@@ -45,13 +45,22 @@ def read_tiff(path: Path, large: bool = False) -> FileData:
             assumed.append(f"it holds {len(file.series)} images: the first was taken")
         image = file.series[0]
         check_size(path, *_size(image, path), large)
-        array = image.asarray()
+        array = _signed(image.asarray(), file.imagej_metadata or {})
         axes = _axes(image.axes)
         # A picture has no distance of slices: this is a stack of one.
         if axes == "yx" and "spacing" in (file.imagej_metadata or {}):
             array, axes = array[None], "zyx"
         spacing = _imagej(file, assumed) or _ome(file, assumed) or _tags(file, assumed)
     return FileData(array, axes, checked_spacing(spacing, path), assumed=tuple(assumed))
+
+
+def _signed(array: NDArray[Any], notes: dict[str, Any]) -> NDArray[Any]:
+    """Return numbers as ImageJ means them: it keeps signed ones of 16 bits 32,768 too high."""
+    # Its other calibrations give an image a second meaning: what is stored is read of those.
+    shifted = (notes.get("cf"), notes.get("c0"), notes.get("c1")) == (0, -(2**15), 1)
+    if array.dtype.kind != "u" or array.dtype.itemsize != 2 or not shifted:
+        return array
+    return (array.astype(np.uint16) ^ np.uint16(2**15)).view(np.int16)
 
 
 def _axes(letters: str) -> str:

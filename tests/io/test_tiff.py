@@ -1,0 +1,23 @@
+"""TIFF stacks as other programs write them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import tifffile
+
+from napari_unpack.io import load_volume
+
+VOLUME = np.arange(2 * 3 * 4, dtype=np.int16).reshape(2, 3, 4) - 1000
+
+
+def test_signed_numbers_of_imagej_are_read_as_it_shows_them(tmp_path: Path) -> None:
+    path = tmp_path / "a.tif"
+    stored = (VOLUME.astype(np.int32) + 32768).astype(np.uint16)
+    notes = {"axes": "ZYX", "cf": 0, "c0": -32768.0, "c1": 1.0, "vunit": "Gray Value"}
+    tifffile.imwrite(path, stored, imagej=True, metadata=notes)
+    np.testing.assert_array_equal(load_volume(path).volume, VOLUME, strict=True)
+    # A density that was calibrated is no other number.
+    tifffile.imwrite(path, stored, imagej=True, metadata=notes | {"c1": 0.5})
+    np.testing.assert_array_equal(load_volume(path).volume, stored, strict=True)
