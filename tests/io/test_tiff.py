@@ -5,9 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 import tifffile
 
 from napari_unpack.io import load_volume
+from napari_unpack.io.file_data import NO_VOXEL_SIZE
+from napari_unpack.io.napari_reader import get_reader
 
 VOLUME = np.arange(2 * 3 * 4, dtype=np.int16).reshape(2, 3, 4) - 1000
 
@@ -21,3 +24,19 @@ def test_signed_numbers_of_imagej_are_read_as_it_shows_them(tmp_path: Path) -> N
     # A density that was calibrated is no other number.
     tifffile.imwrite(path, stored, imagej=True, metadata=notes | {"c1": 0.5})
     np.testing.assert_array_equal(load_volume(path).volume, stored, strict=True)
+
+
+def test_a_stack_written_slice_by_slice_is_a_volume(tmp_path: Path) -> None:
+    path = tmp_path / "a.tif"
+    with tifffile.TiffWriter(path) as writer:
+        for plane in VOLUME:
+            writer.write(plane)
+    found = load_volume(path)
+    np.testing.assert_array_equal(found.volume, VOLUME, strict=True)
+    assert found.assumed == (NO_VOXEL_SIZE,)
+    assert get_reader(str(path)) is not None
+    # Pictures of several sizes are none.
+    tifffile.imwrite(path, VOLUME[0, :2], append=True)
+    assert get_reader(str(path)) is None
+    with pytest.raises(ValueError, match="axes z, y, x"):
+        load_volume(path)

@@ -215,6 +215,7 @@ def _has_slices(path: Path) -> bool:
         return True
     import tifffile
 
+    from napari_unpack.io.tiff import holds_single_slices
     from napari_unpack.read_errors import read_errors_told
 
     try:
@@ -227,7 +228,7 @@ def _has_slices(path: Path) -> bool:
             # As `read_tiff` has it: a picture with a distance of slices is a stack of one, and
             # pages without a meaning (I, Q) are slices.
             alone = axes == "YX" and "spacing" in (file.imagej_metadata or {})
-            return alone or bool(set(axes) & set("ZIQ"))
+            return alone or bool(set(axes) & set("ZIQ")) or holds_single_slices(file)
     except (OSError, ValueError):
         # Ours too: the reader says what is wrong with it.
         return True
