@@ -10,6 +10,7 @@ import pytest
 from napari_unpack.io import load_volume
 from napari_unpack.io.file_data import LABELS_LEFT_OUT
 from napari_unpack.io.napari_reader import read_layers
+from napari_unpack.io.ome_zarr import stored_volume
 
 zarr = pytest.importorskip("zarr")
 
@@ -62,3 +63,12 @@ def test_labels_of_other_time_points_are_left_out(tmp_path: Path) -> None:
     series = np.stack([VOLUME] * 3)
     path = save_image(tmp_path / "b.zarr", series, "tzyx", LABELS[:1, None])
     np.testing.assert_array_equal(load_volume(path, {"t": 2}).labels, LABELS[0])
+
+
+def test_axes_of_length_1_are_left_out_of_a_volume_that_is_not_read(tmp_path: Path) -> None:
+    array, about = stored_volume(save_image(tmp_path / "a.zarr", VOLUME[None, :, None], "tzcyx"))
+    assert (about.axes, about.spacing) == ("zyx", (2.0, 2.0, 2.0))
+    np.testing.assert_array_equal(np.asarray(array[:1, 1:]), VOLUME[:1, 1:])
+    path = save_image(tmp_path / "b.zarr", np.stack([VOLUME] * 3)[None], "tczyx")
+    with pytest.raises(ValueError, match=r"holds 3 channels: save one .* --at c=0 and write .npz"):
+        stored_volume(path)

@@ -22,6 +22,7 @@ from napari_unpack.io.file_data import (
     NO_VOXEL_SIZE,
     SPACE,
     FileData,
+    axis_name,
     in_millimetres,
 )
 from napari_unpack.io.optional import needed
@@ -251,7 +252,8 @@ def _origin(place: Matrix | None) -> list[float] | None:
 def stored_volume(path: Path) -> tuple[Any, FileData]:
     """Return the finest level of a multiscale image with the axes z, y, x, which is not read.
 
-    With it what is said of it: data without a volume.
+    Other axes are left out where they are 1 long. With it what is said of it: data without a
+    volume.
 
     Parameters
     ----------
@@ -269,6 +271,19 @@ def stored_volume(path: Path) -> tuple[Any, FileData]:
         array, found = node, FileData(None, assumed=(NO_VOXEL_SIZE,))
     else:
         array, found = _described(node, path)
+    if array.ndim == len(found.axes):
+        lengths = dict(zip(found.axes, array.shape, strict=True))
+        if long := {axis: n for axis, n in lengths.items() if axis not in SPACE and n > 1}:
+            (axis, count), *_ = long.items()
+            raise ValueError(
+                f"{path} holds {count} {axis_name(axis)}s: save one of them as a Zarr volume, or "
+                f"choose one with --at {axis}=0 and write .npz"
+            )
+        if len(lengths) > len(SPACE):
+            dask = needed("dask.array", "dask", "an image of more axes than z, y, x")
+            first = tuple(slice(None) if axis in SPACE else 0 for axis in lengths)
+            array = dask.from_zarr(array)[first]
+            found = replace(found, axes="".join(axis for axis in lengths if axis in SPACE))
     if found.axes != SPACE or array.ndim != len(SPACE):
         raise ValueError(
             f"{path} must hold one volume with axes z, y, x, got {found.axes} and {array.ndim} axes"
