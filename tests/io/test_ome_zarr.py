@@ -72,3 +72,28 @@ def test_axes_of_length_1_are_left_out_of_a_volume_that_is_not_read(tmp_path: Pa
     path = save_image(tmp_path / "b.zarr", np.stack([VOLUME] * 3)[None], "tczyx")
     with pytest.raises(ValueError, match=r"holds 3 channels: save one .* --at c=0 and write .npz"):
         stored_volume(path)
+
+
+def test_the_first_image_of_a_converted_file_is_taken(tmp_path: Path) -> None:
+    path = tmp_path / "a.zarr"
+    root = zarr.open_group(str(path), mode="w", zarr_format=2)
+    root.attrs["bioformats2raw.layout"] = 3
+    root.create_group("OME")
+    add_image(root.create_group("0"), VOLUME, "zyx")
+    found = load_volume(path)
+    np.testing.assert_array_equal(found.volume, VOLUME)
+    assert (found.spacing, found.assumed) == ((2.0, 2.0, 2.0), ())
+    np.testing.assert_array_equal(stored_volume(path)[0][...], VOLUME)
+    add_image(root.create_group("1"), VOLUME + 1, "zyx")
+    found = load_volume(path)
+    np.testing.assert_array_equal(found.volume, VOLUME)
+    assert found.assumed == ("it holds 2 images: '0' was taken",)
+
+
+def test_what_can_be_opened_of_another_group_is_named(tmp_path: Path) -> None:
+    root = zarr.open_group(str(tmp_path / "a.zarr"), mode="w")
+    for name in ("labels", "volume"):
+        root.create_array(name, data=VOLUME)
+    with pytest.raises(ValueError, match=r"is missing.*; open a.zarr/labels or a.zarr/volume$"):
+        load_volume(tmp_path / "a.zarr")
+    np.testing.assert_array_equal(load_volume(tmp_path / "a.zarr" / "volume").volume, VOLUME)

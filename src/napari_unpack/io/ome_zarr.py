@@ -40,6 +40,9 @@ CHUNK = 64
 SMALLEST_LEVEL = 128
 """Voxels along the longest axis: a level below that shows nothing of a bag."""
 
+MOST_NAMED = 4
+"""Images of a folder in a message."""
+
 
 def read_zarr(path: Path, large: bool = False) -> FileData:
     """Read the finest level of a multiscale image, and its first label image if it has one.
@@ -59,11 +62,12 @@ def read_zarr(path: Path, large: bool = False) -> FileData:
     ImportError
         If zarr is missing.
     """
-    node = _opened(path)
+    node, said = _image(path)
     if not hasattr(node, "keys"):
         array = checked_volume_array(_voxels(node, path, large), path)
         return FileData(array, assumed=(NO_VOXEL_SIZE,))
     found = _finest(node, path, large)
+    found = replace(found, assumed=said + found.assumed)
     labels = _labels(node, path, large)
     assert found.volume is not None, "it was read"
     lengths = dict(zip(found.axes, found.volume.shape, strict=True))
@@ -110,10 +114,11 @@ def stored_levels(path: Path) -> StoredLevels | None:
     ImportError
         If zarr or dask is missing.
     """
-    node = _opened(path)
+    node, said = _image(path)
     if not hasattr(node, "keys"):
         return None
     _, described = _described(node, path)
+    described = replace(described, assumed=said + described.assumed)
     image = _levels(node)
     if len(image) < 2 or not described.axes.endswith(SPACE):
         return None
@@ -266,11 +271,12 @@ def stored_volume(path: Path) -> tuple[Any, FileData]:
     ImportError
         If zarr is missing.
     """
-    node = _opened(path)
+    node, said = _image(path)
     if not hasattr(node, "keys"):
         array, found = node, FileData(None, assumed=(NO_VOXEL_SIZE,))
     else:
         array, found = _described(node, path)
+        found = replace(found, assumed=said + found.assumed)
     if array.ndim == len(found.axes):
         lengths = dict(zip(found.axes, array.shape, strict=True))
         if long := {axis: n for axis, n in lengths.items() if axis not in SPACE and n > 1}:
@@ -328,6 +334,25 @@ def _opened(path: Path) -> Any:
     except Exception as error:
         # zarr raises many kinds of its own, which moved between its releases.
         raise ValueError(f"{path} is not a readable Zarr image: {error}") from error
+
+
+def _image(path: Path) -> tuple[Any, tuple[str, ...]]:
+    """Return the array or the image of a folder, and a sentence where it is one of several.
+
+    bioformats2raw, and what converts by it, numbers the images of a file in one folder.
+    """
+    node = _opened(path)
+    if not hasattr(node, "keys") or "multiscales" in _attributes(node):
+        return node, ()
+    groups = dict(node.groups())
+    images = [name for name, group in groups.items() if "multiscales" in _attributes(group)]
+    images.sort(key=lambda name: (len(name), name))
+    if len(images) == 1 or (images and "bioformats2raw.layout" in _attributes(node)):
+        several = f"it holds {len(images)} images: {images[0]!r} was taken"
+        return groups[images[0]], (several,) if len(images) > 1 else ()
+    there = [path.name + "/" + name for name in (*images, *sorted(dict(node.arrays())))]
+    which = f"; open {' or '.join(there[:MOST_NAMED])}" if there else ""
+    raise ValueError(f"{path} holds no OME-Zarr image ('multiscales' is missing){which}")
 
 
 def _attributes(node: Any) -> dict[str, Any]:
