@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ VOLUME = np.arange(2 * 3 * 4, dtype=np.uint16).reshape(2, 3, 4)
 LABELS = np.stack([VOLUME % 5, VOLUME % 7])
 
 
-def add_image(group: zarr.Group, array: np.ndarray, axes: str) -> None:
+def add_image(group: Any, array: np.ndarray, axes: str) -> None:
     """Make an image of one level out of a group."""
     group.create_array("0", data=array)
     steps = [{"type": "scale", "scale": [2.0 if axis in "zyx" else 1.0 for axis in axes]}]
