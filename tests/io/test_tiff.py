@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
 import tifffile
+from PIL import Image
 
 from napari_unpack.io import load_volume
 from napari_unpack.io.file_data import NO_VOXEL_SIZE
@@ -39,4 +41,14 @@ def test_a_stack_written_slice_by_slice_is_a_volume(tmp_path: Path) -> None:
     tifffile.imwrite(path, VOLUME[0, :2], append=True)
     assert get_reader(str(path)) is None
     with pytest.raises(ValueError, match="axes z, y, x"):
+        load_volume(path)
+
+
+def test_what_a_compressed_stack_needs_is_named(tmp_path: Path) -> None:
+    path, planes = tmp_path / "a.tif", [Image.fromarray(z.view(np.uint16)) for z in VOLUME]
+    planes[0].save(path, save_all=True, append_images=planes[1:], compression="tiff_lzw")
+    if find_spec("imagecodecs"):
+        np.testing.assert_array_equal(load_volume(path).volume, VOLUME.view(np.uint16))
+        return
+    with pytest.raises(ImportError, match=r"a\.tif is compressed as LZW, .* pip install imagec"):
         load_volume(path)

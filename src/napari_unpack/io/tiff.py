@@ -35,6 +35,8 @@ def read_tiff(path: Path, large: bool = False) -> FileData:
     ------
     ValueError
         If the file is broken or holds no image.
+    ImportError
+        If the codec of a compressed file is missing.
     """
     import tifffile
 
@@ -50,9 +52,12 @@ def read_tiff(path: Path, large: bool = False) -> FileData:
         if slices:
             array, axes = np.empty((count, *image.shape), image.dtype), "zyx"
             for plane, each in zip(array, file.series, strict=True):
-                plane[...] = each.asarray()
+                plane[...] = _voxels(each, path)
         else:
-            array, axes = _signed(image.asarray(), file.imagej_metadata or {}), _axes(image.axes)
+            array, axes = (
+                _signed(_voxels(image, path), file.imagej_metadata or {}),
+                _axes(image.axes),
+            )
         # A picture has no distance of slices: this is a stack of one.
         if axes == "yx" and "spacing" in (file.imagej_metadata or {}):
             array, axes = array[None], "zyx"
@@ -73,6 +78,20 @@ def holds_single_slices(file: Any) -> bool:
     first = file.series[0]
     wanted = "YX", first.shape, first.dtype
     return all((each.axes, each.shape, each.dtype) == wanted for each in file.series)
+
+
+def _voxels(image: Any, path: Path) -> NDArray[Any]:
+    try:
+        array: NDArray[Any] = image.asarray()
+    except ValueError as error:
+        if "imagecodecs" not in str(error):
+            raise
+        kind = image.keyframe.compression
+        raise ImportError(
+            f"{path} is compressed as {getattr(kind, 'name', kind)}, which needs imagecodecs; run: "
+            "pip install imagecodecs"
+        ) from error
+    return array
 
 
 def _signed(array: NDArray[Any], notes: dict[str, Any]) -> NDArray[Any]:
