@@ -97,7 +97,7 @@ def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerDat
 def _read(path: Path, large: bool) -> tuple[FileData, Mapping[int, str]]:
     """Return what a file holds, labels as labels, and what its objects are called."""
     from napari_unpack.io.arrays import read_names
-    from napari_unpack.io.label_names import is_segmentation, load_label_names, names_of_labels
+    from napari_unpack.io.label_names import is_segmentation, segment_names
     from napari_unpack.io.ome_zarr import holds_ids, is_label_image
     from napari_unpack.io.volumes import is_zarr, read_file, suffix_of
 
@@ -109,7 +109,7 @@ def _read(path: Path, large: bool) -> tuple[FileData, Mapping[int, str]]:
     if ids and is_segmentation(path):
         # Voxels of 3D Slicer's segmentations are labels, which the header names.
         found = replace(found, volume=None, labels=found.volume)
-        names = names_of_labels(load_label_names(path))
+        names = segment_names(path)
     elif ids and is_zarr(path) and is_label_image(path):
         found = replace(found, volume=None, labels=found.volume)
     return found, names or {}
