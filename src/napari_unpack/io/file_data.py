@@ -37,6 +37,9 @@ _ONE = {
     **dict.fromkeys(("foot", "ft"), 304.8),
 }
 
+# Letters: all shorter names are signs.
+_SHORTEST_WORD = 4
+
 # Some writers name several: "micrometers".
 MILLIMETRES = _ONE | {f"{name}s": mm for name, mm in _ONE.items() if name.endswith("er")}
 
@@ -139,6 +142,15 @@ def axis_name(axis: str) -> str:
     return _AXIS_NAMES.get(axis, f"{axis}-element")
 
 
+def plain_unit(unit: str) -> str:
+    """Return the name of a unit of length in lower case where it cannot be another's then.
+
+    Words are the same in any case, and MM; Mm are a thousand kilometres.
+    """
+    known = unit.lower() in MILLIMETRES and len(unit) >= _SHORTEST_WORD
+    return unit.lower() if known or unit == "MM" else unit
+
+
 def in_millimetres(unit: str | None, default: str, assumed: list[str]) -> float:
     """Return the length of a unit, mm, and note where it had to be assumed.
 
@@ -151,7 +163,7 @@ def in_millimetres(unit: str | None, default: str, assumed: list[str]) -> float:
     assumed : list of str
         Takes a sentence where the unit is not known.
     """
-    found = MILLIMETRES.get(default if unit is None else unit)
+    found = MILLIMETRES.get(default if unit is None else plain_unit(str(unit)))
     if found is None:
         sentence = f"its unit of length {unit!r} is not known: mm was assumed"
         if sentence not in assumed:
