@@ -112,6 +112,20 @@ def test_arrays_of_structures_are_no_volume(tmp_path: Path) -> None:
         load_volume(path)
 
 
+def test_objects_of_python_are_no_numbers_and_no_names(tmp_path: Path) -> None:
+    path = tmp_path / "odd.npz"
+    ids, names = np.ones((2, 2, 2), np.uint8), np.array(["", "Mug"], object)
+    np.savez(path, volume=ids, labels=ids, spacing=np.ones(3), names=names)
+    back = load_volume(path)
+    assert (back.names, back.assumed) == (
+        None,
+        ("its names are no plain text: they were left out",),
+    )
+    np.savez(path, volume=ids.astype(object))
+    with pytest.raises(ValueError, match=r"'volume' of .*odd.npz holds Python .* save it as num"):
+        load_volume(path)
+
+
 META = "ObjectType = Image\nNDims = 3\nDimSize = 9000 9000 9000\nElementType = MET_SHORT\n"
 NRRD = "NRRD0004\ntype: short\ndimension: 3\nsizes: 9000 9000 9000\nencoding: raw\nendian: little\n"
 

@@ -78,20 +78,6 @@ def test_names_with_ids_that_are_none_of_theirs_are_left_out(
     assert load_volume(path).names is None
 
 
-def test_objects_of_python_are_no_numbers_and_no_names(tmp_path: Path) -> None:
-    path = tmp_path / "odd.npz"
-    names = np.array(["", "Mug"], object)
-    np.savez(path, volume=VOLUME, labels=LABELS, spacing=SPACING, names=names)
-    back = load_volume(path)
-    assert (back.names, back.assumed) == (
-        None,
-        ("its names are no plain text: they were left out",),
-    )
-    np.savez(path, volume=VOLUME.astype(object))
-    with pytest.raises(ValueError, match=r"'volume' of .*odd.npz holds Python .* save it as num"):
-        load_volume(path)
-
-
 @pytest.mark.parametrize("suffix", [".nii", ".nii.gz", ".mha", ".nrrd", ".tif"])
 def test_other_formats_hold_the_volume_and_labels_beside_it(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"bag{suffix}"
