@@ -85,6 +85,9 @@ def load_volume(path: str | Path, at: Mapping[str, int] | None = None, large: bo
 def load_labels(path: str | Path, large: bool = False) -> tuple[NDArray[Any], Spacing]:
     """Open a (Z, Y, X) label volume and its voxel size, mm z y x.
 
+    They are as their file has them, which may be along other axes than a volume's:
+    `labels_on_volume.scan_with_label_file` lays them over one.
+
     Parameters
     ----------
     path : str or Path
