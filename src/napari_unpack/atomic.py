@@ -139,7 +139,7 @@ def written_atomically(
     ValueError
         If a pipe or a device is there.
     OSError
-        If the disk is full or refuses.
+        If the disk is full or refuses, or the file is still empty.
     """
     target = _followed(path)
     _check_mode(target)
@@ -149,6 +149,9 @@ def written_atomically(
     try:
         with _failure_told(target):
             yield temporary
+            if not temporary.stat().st_size:
+                # Its writer may have made a file of another name.
+                raise OSError("nothing was written")
             if check is not None:
                 check(temporary)
             _keep_mode(temporary, target)
@@ -412,8 +415,9 @@ def _own_name() -> str:
 
 def _new_file(target: Path) -> Path:
     """Make an empty file beside a target, with the mode that any new file has."""
-    # The last two suffixes: writers choose the format by `.nii.gz`, not by `.gz`.
-    suffix = "".join(target.suffixes[-2:])[-16:] or ".part"
+    # The last two suffixes: writers choose the format by `.nii.gz`, not by `.gz`. In lower case,
+    # as some of them know no other.
+    suffix = "".join(target.suffixes[-2:])[-16:].lower() or ".part"
     temporary = target.with_name(_own_name() + suffix)
     # Closed at once: writers open it by name, and Windows lets no two have it open.
     os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))

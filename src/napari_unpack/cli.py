@@ -6,7 +6,7 @@ import functools
 import sys
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -300,14 +300,19 @@ def _score(
     large: Large = False,
 ) -> None:
     """Compare labels with the truth, in all and by kind of object."""
-    from napari_unpack.io import load_labels
+    from napari_unpack.io.labels_on_volume import laid_over
     from napari_unpack.io.scoring import score_report
+    from napari_unpack.io.volumes import load_label_file
 
     for file in (truth, found):
         tell_labels_beside(file)
     # Voxels of the truth count: found labels often come without a voxel size.
-    (true, spacing), (seen, _) = load_labels(truth, large), load_labels(found, large)
-    typer.echo(score_report(true, seen, spacing, table, by, boundary))
+    true = load_label_file(truth, large)
+    seen, said = laid_over(load_label_file(found, large), replace(true, volume=true.labels))
+    assert true.labels is not None, "it was read"
+    if said:
+        typer.echo(f"note: {found.name}: its labels {said}", err=True)
+    typer.echo(score_report(true.labels, seen, true.spacing, table, by, boundary))
 
 
 @_command()

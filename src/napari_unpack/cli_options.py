@@ -170,9 +170,10 @@ def open_input(
         If labels, or a channel or time point, are given beside a saved session.
     """
     # Imported late: these load numba, which takes longer than `--help` should.
-    from napari_unpack.io import load_labels, open_session
+    from napari_unpack.io import open_session
     from napari_unpack.io.headless import open_scan
-    from napari_unpack.io.label_names import is_segmentation, load_label_names, names_of_labels
+    from napari_unpack.io.label_names import is_segmentation, segment_names
+    from napari_unpack.io.labels_on_volume import scan_with_label_file
     from napari_unpack.io.session_archive import holds_session
 
     if holds_session(source):
@@ -193,9 +194,11 @@ def open_input(
     scan = load_input(source, at, large)
     if labels is not None:
         tell_labels_beside(labels)
-        scan = scan.with_labels(load_labels(labels, large)[0])
+        known = len(scan.assumed)
+        scan = scan_with_label_file(scan, labels, large)
+        _tell_assumed(source, scan.assumed[known:])
         if is_segmentation(labels):
-            scan = replace(scan, names=names_of_labels(load_label_names(labels)))
+            scan = replace(scan, names=segment_names(labels))
     return open_scan(scan, view or FROM_ABOVE, direction_of(direction), Ticker(), backend)
 
 

@@ -268,7 +268,8 @@ def _check_folder(output: Path) -> None:
 
 
 def _scan(source: Path | None, labels: Path | None, seed: int, large: bool, steps: Steps) -> Scan:
-    from napari_unpack.io import Scan, load_labels, load_volume
+    from napari_unpack.io import Scan, load_volume
+    from napari_unpack.io.labels_on_volume import scan_with_label_file
 
     if source is None:
         from napari_unpack.simulation import simulate_bag
@@ -280,7 +281,7 @@ def _scan(source: Path | None, labels: Path | None, seed: int, large: bool, step
         return Scan(bag.volume, bag.spacing, None, "Packed bag")
     steps(0.0, f"Reading {source.name}")
     scan = load_volume(source, large=large)
-    return scan if labels is None else scan.with_labels(load_labels(labels, large)[0])
+    return scan if labels is None else scan_with_label_file(scan, labels, large)
 
 
 def open_panel(viewer: napari.Viewer, scan: Scan, progress: Progress) -> UnpackingWidget:

@@ -6,7 +6,7 @@ import math
 import os
 import stat
 import zipfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from contextvars import ContextVar
 from pathlib import Path
 from typing import IO, Any
@@ -143,6 +143,10 @@ def check_plain_file(path: Path) -> None:
         raise ValueError(f"{path} is empty")
 
 
+class NotPlainError(ValueError):
+    """An array holds Python objects, to read which may run anything, or structures."""
+
+
 def check_array(stream: IO[bytes], source: object, size: int) -> int:
     """Check an array in numpy's form against its own header; return the bytes it takes.
 
@@ -157,6 +161,8 @@ def check_array(stream: IO[bytes], source: object, size: int) -> int:
 
     Raises
     ------
+    NotPlainError
+        If it holds Python objects or structures.
     ValueError
         If it is no such array, or shorter than its header says.
     """
@@ -164,17 +170,22 @@ def check_array(stream: IO[bytes], source: object, size: int) -> int:
     readers = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
     # 3.0 is of structures with names in Unicode alone.
     if version not in readers:
-        raise ValueError(f"{source} must hold plain numbers, got an array of form {version}")
+        raise NotPlainError(f"{source} must hold plain numbers, got an array of form {version}")
     shape, _, dtype = readers[version](stream)
+    if dtype.hasobject:
+        raise NotPlainError(
+            f"{source} holds Python objects, which are not read: save it as numbers"
+        )
     needed = math.prod(shape) * dtype.itemsize
-    # What holds Python objects is refused by numpy, in better words.
-    if not dtype.hasobject:
-        check_size(source, needed, size - stream.tell(), packed=False, large=True)
+    check_size(source, needed, size - stream.tell(), packed=False, large=True)
     return needed
 
 
 def load_arrays(
-    path: str | Path, names: Iterable[str] | None = None, large: bool = False
+    path: str | Path,
+    names: Iterable[str] | None = None,
+    large: bool = False,
+    texts: Collection[str] = (),
 ) -> tuple[dict[str, NDArray[Any]], list[str]]:
     """Read arrays of an .npz archive, never pickles.
 
@@ -185,6 +196,8 @@ def load_arrays(
         Which; all without it. Those that are not there are left out.
     large : bool
         As for `check_size`.
+    texts : collection of str
+        Which are left out where they are not plain, as text made by pandas is objects.
 
     Returns
     -------
@@ -203,9 +216,14 @@ def load_arrays(
     with zipfile.ZipFile(file) as archive:
         members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
         chosen = [name for name in (members if names is None else names) if name in members]
-        for name in chosen:
-            with archive.open(members[name]) as stream:
-                needed += check_array(stream, f"{name!r} of {path}", members[name].file_size)
+        for name in chosen.copy():
+            try:
+                with archive.open(members[name]) as stream:
+                    needed += check_array(stream, f"{name!r} of {path}", members[name].file_size)
+            except NotPlainError:
+                if name not in texts:
+                    raise
+                chosen.remove(name)
     check_size(path, needed, stored, large=large)
     # Opening a file from others must run nothing.
     with np.load(file, allow_pickle=False) as arrays:

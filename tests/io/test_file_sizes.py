@@ -108,7 +108,21 @@ def test_arrays_of_structures_are_no_volume(tmp_path: Path) -> None:
     with path.open("rb") as stream, pytest.raises(ValueError, match="must hold plain numbers"):
         check_array(stream, path, path.stat().st_size)
     np.save(path, np.full((2, 2, 2), None), allow_pickle=True)
-    with pytest.raises(ValueError, match=r"a.npy: Object arrays cannot be loaded"):
+    with pytest.raises(ValueError, match=r"a.npy holds Python objects, .* save it as numbers"):
+        load_volume(path)
+
+
+def test_objects_of_python_are_no_numbers_and_no_names(tmp_path: Path) -> None:
+    path = tmp_path / "odd.npz"
+    ids, names = np.ones((2, 2, 2), np.uint8), np.array(["", "Mug"], object)
+    np.savez(path, volume=ids, labels=ids, spacing=np.ones(3), names=names)
+    back = load_volume(path)
+    assert (back.names, back.assumed) == (
+        None,
+        ("its names are no plain text: they were left out",),
+    )
+    np.savez(path, volume=ids.astype(object))
+    with pytest.raises(ValueError, match=r"'volume' of .*odd.npz holds Python .* save it as num"):
         load_volume(path)
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from napari_unpack.io.label_names import NamedLabel, load_label_names
+from napari_unpack.io import load_labels
+from napari_unpack.io.label_names import NamedLabel, load_label_names, segment_names
 from napari_unpack.io.napari_reader import read_layers
 
 CTBL = """# Color table file /home/someone/Bag.ctbl
@@ -103,6 +105,28 @@ def test_a_segmentation_opens_as_labels_with_names(tmp_path: Path) -> None:
     assert kind == "labels"
     assert data[1, 2].tolist() == [40] * 4
     assert about["features"] == {"index": [1, 2, 40], "name": ["Left shoe", "Bottle", "Zipper"]}
+
+
+def test_a_segmentation_that_names_nothing_is_labels_all_the_same(tmp_path: Path) -> None:
+    path = segmentation(tmp_path / "bag.seg.nrrd")
+    path.write_bytes(re.sub(rb"Segment\d.*\n", b"", path.read_bytes()))
+    ((_, about, kind),) = read_layers(str(path))
+    assert (kind, "features" in about) == ("labels", False)
+    assert segment_names(path) == {}
+
+
+def test_segments_that_overlap_are_told(tmp_path: Path) -> None:
+    pytest.importorskip("SimpleITK")
+    path = tmp_path / "bag.seg.nrrd"
+    header = (
+        SEGMENTS.replace("dimension: 3", "dimension: 4")
+        .replace("sizes: 4", "sizes: 2 4")
+        .replace("directions: (1", "directions: none (1")
+        .replace("kinds: ", "kinds: list ")
+    )
+    path.write_bytes(header.encode() + b"\n" + bytes(2 * 24))
+    with pytest.raises(ValueError, match=r"overlap, in 2 layers: collapse them in 3D Slicer"):
+        load_labels(path)
 
 
 def test_a_file_that_names_nothing_says_what_is_wanted(tmp_path: Path) -> None:

@@ -161,6 +161,15 @@ def test_an_obj_file_written_in_pieces_is_that_written_at_once(
     assert checks.count("Writing surfaces") >= rows / 7
 
 
+def test_an_obj_file_of_nanometres_has_all_digits(tmp_path: Path) -> None:
+    labels = np.zeros((8, 8, 8), np.uint8)
+    labels[2:6, 2:6, 2:6] = 1
+    session = nu.Session(labels * np.uint16(1500), labels, (1e-6, 1e-6, 1e-6))
+    mesh = trimesh.load_mesh(save_surfaces(session, tmp_path / "grain.obj"))
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(64e-18, rel=0.1, abs=0)
+
+
 @pytest.mark.parametrize("suffix", [".stl", ".ply", ".obj", ".glb"])
 def test_every_format_has_the_objects_in_mm_in_scanner_axes(
     session: nu.Session, tmp_path: Path, suffix: str

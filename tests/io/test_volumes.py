@@ -230,14 +230,14 @@ def test_a_channel_or_a_time_is_never_taken_for_z(tmp_path: Path, axes: str) -> 
 
 
 def test_units_are_known_or_told(tmp_path: Path) -> None:
-    save_zarr(tmp_path / "b.zarr", VOLUME, "zyx", z="angstrom", y="nanometer", x="angstrom")
+    save_zarr(tmp_path / "b.zarr", VOLUME, "zyx", z="Angstrom", y="nanometer", x="angstrom")
     found = load_volume(tmp_path / "b.zarr")
     assert (found.spacing, found.assumed) == (pytest.approx((3e-7, 2e-6, 1e-7)), ())
     save_zarr(tmp_path / "a.zarr", VOLUME, "zyx", z="millimeter", y="inch", x="parsec")
     found = load_volume(tmp_path / "a.zarr")
     assert found.spacing == pytest.approx((3.0, 50.8, 1.0))
     assert found.assumed == ("its unit of length 'parsec' is not known: mm was assumed",)
-    save_zarr(tmp_path / "d.zarr", VOLUME, "zyx", z="micrometers", y="micrometer", x="micrometers")
+    save_zarr(tmp_path / "d.zarr", VOLUME, "zyx", z="Micrometers", y="Micron", x="micrometers")
     found = load_volume(tmp_path / "d.zarr")
     assert (found.spacing, found.assumed) == (pytest.approx((3e-3, 2e-3, 1e-3)), ())
     save_zarr(tmp_path / "c.zarr", VOLUME, "zyx", x=None)
@@ -263,6 +263,13 @@ def test_units_of_nrrd_are_known_or_told(tmp_path: Path) -> None:
     found = load_volume(path)
     assert found.spacing == pytest.approx(SPACING)
     assert found.assumed == ("its unit of length 'furlong' is not known: mm was assumed",)
+    # Two signs that differ by their capital alone: the other is a megametre.
+    for unit, told in (
+        ("MM", ()),
+        ("Mm", ("its unit of length 'Mm' is not known: mm was assumed",)),
+    ):
+        save_nrrd(path, "spacings: 0.75 0.5 2.5", f'units: "{unit}" "{unit}" "{unit}"')
+        assert load_volume(path).assumed == told
     save_nrrd(path, "spacings: 0.75 0.5 2.5", 'units: "mm" "mm" "cm"')
     with pytest.raises(ValueError, match="must have one unit of length, got cm, mm"):
         load_volume(path)

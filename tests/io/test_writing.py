@@ -13,6 +13,7 @@ from napari_unpack import Session
 from napari_unpack.atomic import written_atomically
 from napari_unpack.io import (
     Scan,
+    load_labels,
     load_volume,
     open_session,
     save_objects_csv,
@@ -20,6 +21,7 @@ from napari_unpack.io import (
     save_scan,
     save_session,
 )
+from napari_unpack.io.arrays import write_labels_npz
 from napari_unpack.io.movies import checked_movie_path
 from napari_unpack.io.surfaces import checked_surfaces_path
 from napari_unpack.segmentation.confidence.oracle import Oracle, default_oracle
@@ -95,8 +97,24 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> 
 
     with pytest.raises(RuntimeError, match="the disk is full"):
         fail()
+    # As a writer leaves it that puts its file beside the one that it was given.
+    with pytest.raises(OSError, match="nothing was written"), written_atomically(target):
+        pass
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.txt", "old")]
     with written_atomically(target) as temporary:
         temporary.write_text("new")
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.txt", "new")]
     assert target.stat().st_mode & stat.S_IRUSR
+
+
+@pytest.mark.parametrize("suffix", [".NPZ", ".NII", ".NII.GZ", ".MHA", ".NRRD", ".TIF"])
+def test_a_name_in_upper_case_is_a_name_as_any_other(tmp_path: Path, suffix: str) -> None:
+    volume = np.arange(24, dtype=np.uint16).reshape(2, 3, 4)
+    path = tmp_path / f"SCAN{suffix}"
+    path.write_bytes(b"old")
+    save_scan(Scan(volume, (1.0, 1.0, 1.0)), path)
+    np.testing.assert_array_equal(load_volume(path).volume, volume)
+    if suffix == ".NPZ":
+        write_labels_npz(path, volume, (1.0, 1.0, 1.0))
+        np.testing.assert_array_equal(load_labels(path)[0], volume)
+    assert list(tmp_path.iterdir()) == [path]

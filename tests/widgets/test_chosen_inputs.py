@@ -8,6 +8,7 @@ from typing import Any
 import dask.array
 import numpy as np
 import pytest
+from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
 
 from napari_unpack.layers.placement import data_to_world
@@ -146,3 +147,16 @@ def test_a_colour_of_a_colour_volume_is_unpacked_with_labels_of_its_shape(
     np.testing.assert_array_equal(session.volume, green)
     assert bag_name(panel.workspace.controller.sources) == "photos (Green)"
     panel.end()
+
+
+def test_labels_that_lie_otherwise_by_their_file_are_told(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    image, labels = add_bag(viewer)
+    mirrored = np.diag([-1.0, 1.0, 1.0, 1.0])
+    mirrored[0, 3] = (image.data.shape[0] - 1) * image.scale[0]
+    image.metadata["scanner_from_scan"] = np.eye(4)
+    labels.metadata["scanner_from_scan"] = mirrored
+    controller_with(panel, qtbot, labels)
+    told = [record.message for record in notification_manager.records]
+    assert sum("By their files 'expert' lie mirrored or turned on 'bag'" in t for t in told) == 1

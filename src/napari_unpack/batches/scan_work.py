@@ -30,9 +30,10 @@ from napari_unpack.batches.results import (
 from napari_unpack.batches.run_settings import SCANS, Settings, identity, identity_of_settings
 from napari_unpack.file_sizes import stored_size
 from napari_unpack.io.headless import open_scan, unpack_in_order
+from napari_unpack.io.labels_on_volume import scan_with_label_file
 from napari_unpack.io.scan import Scan
 from napari_unpack.io.sessions import volume_file_of
-from napari_unpack.io.volumes import load_labels, load_volume, printable
+from napari_unpack.io.volumes import load_volume, printable
 
 if TYPE_CHECKING:
     from napari_unpack.session import Session
@@ -142,7 +143,7 @@ def _worked(scan: ScanInput, place: Place, known: Mapping[str, str]) -> ScanResu
 def _loaded(scan: ScanInput, large: bool) -> Scan:
     data = load_volume(scan.volume, large=large)
     if scan.labels is not None:
-        data = data.with_labels(load_labels(scan.labels, large)[0])
+        data = scan_with_label_file(data, scan.labels, large)
     return replace(data, name=scan.name, spacing=scan.spacing or data.spacing)
 
 

@@ -23,6 +23,9 @@ from napari_unpack.io.scan import (
 )
 from napari_unpack.read_errors import read_errors_told
 
+_TEXTS = ("names", "names_of_ids", "assumed")
+"""Arrays of text, without which a volume is one all the same."""
+
 LAST_ROW = 65_535
 """The largest ID up to which names have a row for every ID, as tables in memory do."""
 
@@ -42,8 +45,8 @@ def read_npz(path: Path, large: bool = False) -> FileData:
         If the file is broken or holds neither key.
     """
     # The other keys for the message alone: who wrote `image` for `volume` sees it at once.
-    wanted = ("volume", "labels", "spacing", "assumed", "scanner_from_scan")
-    arrays, keys = load_arrays(path, wanted, large)
+    wanted = ("volume", "labels", "spacing", "scanner_from_scan", *_TEXTS)
+    arrays, keys = load_arrays(path, wanted, large, _TEXTS)
     if not {"volume", "labels"} & arrays.keys():
         raise ValueError(f"{path} must hold an array 'volume' or 'labels', got {keys}")
     volume, labels = arrays.get("volume"), arrays.get("labels")
@@ -54,6 +57,8 @@ def read_npz(path: Path, large: bool = False) -> FileData:
     if volume is not None and labels is not None:
         check_one_shape(volume, labels, path)
     assumed = _sentences(arrays.get("assumed")) if "spacing" in arrays else (NO_VOXEL_SIZE,)
+    if "names" in keys and "names" not in arrays:
+        assumed += ("its names are no plain text: they were left out",)
     spacing = checked_spacing(arrays.get("spacing", np.ones(3)), path)
     place = checked_place(arrays.get("scanner_from_scan"), path)
     return FileData(volume, SPACE, spacing, labels, assumed, place, volume is not None)
@@ -76,7 +81,7 @@ def read_names(path: Path) -> dict[int, str] | None:
         `names_of_ids` with the IDs beside it in `named_ids`; None where there is neither.
     """
     with read_errors_told(path):
-        arrays, _ = load_arrays(path, ("names", "names_of_ids", "named_ids"))
+        arrays, _ = load_arrays(path, (*_TEXTS, "named_ids"), texts=_TEXTS)
     names = arrays.get("names", arrays.get("names_of_ids"))
     # Other arrays of these names are none of ours, and no reason to refuse the volume.
     if names is None or names.dtype.kind != "U" or names.ndim != 1:
@@ -105,8 +110,9 @@ def write_npz(path: Path, scan: Scan) -> None:
         arrays["assumed"] = np.array(scan.assumed, dtype=np.str_)
     if scan.scanner_from_scan is not None:
         arrays["scanner_from_scan"] = scan.scanner_from_scan
-    with written_atomically(path) as temporary:
-        np.savez_compressed(temporary, **arrays)  # type: ignore[arg-type]
+    # Into a stream: to a name that does not end in lower case numpy adds a suffix.
+    with written_atomically(path) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
 
 
 def _names_arrays(names: Mapping[int, str]) -> dict[str, NDArray[Any]]:
@@ -132,8 +138,8 @@ def write_labels_npz(path: Path, labels: NDArray[Any], spacing: Spacing) -> None
     labels : (Z, Y, X) ndarray of int
     spacing : (float, float, float) of mm, z y x
     """
-    with written_atomically(path) as temporary:
-        np.savez_compressed(temporary, labels=labels, spacing=np.asarray(spacing))
+    with written_atomically(path) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, labels=labels, spacing=np.asarray(spacing))
 
 
 def read_npy(path: Path, large: bool = False) -> FileData:

@@ -37,6 +37,9 @@ _ONE = {
     **dict.fromkeys(("foot", "ft"), 304.8),
 }
 
+# Letters: all shorter names are signs.
+_SHORTEST_WORD = 4
+
 # Some writers name several: "micrometers".
 MILLIMETRES = _ONE | {f"{name}s": mm for name, mm in _ONE.items() if name.endswith("er")}
 
@@ -52,7 +55,8 @@ class FileData:
     axes : str
         A letter for each axis: z, y, x, c (channel), t (time), or what the file calls it.
     spacing : (float, float, float) of mm, z y x
-    labels : (Z, Y, X) ndarray of int, optional
+    labels : ([T,] Z, Y, X) ndarray of int, optional
+        Those of each time point where they have an axis more.
     assumed : tuple of str
         A sentence for each thing that the file does not say and that was assumed.
     scanner_from_scan : (4, 4) ndarray of float64, optional
@@ -112,7 +116,10 @@ class FileData:
         volume = self.volume[tuple(chosen.get(axis, slice(None)) for axis in self.axes)]
         left = [axis for axis in self.axes if axis in SPACE]
         volume = checked_volume_array(volume.transpose([left.index(a) for a in SPACE]), source)
-        return replace(self, volume=np.ascontiguousarray(volume), axes=SPACE)
+        labels = self.labels
+        if labels is not None and labels.ndim > len(SPACE):
+            labels = labels[chosen["t"]]
+        return replace(self, volume=np.ascontiguousarray(volume), axes=SPACE, labels=labels)
 
     def space_last(self) -> FileData:
         """Return data with the axes of space last, z y x, and those of length 1 left out."""
@@ -125,9 +132,23 @@ class FileData:
         return replace(self, volume=volume, axes="".join(order))
 
 
+def size_text(spacing: Spacing) -> str:
+    """Return a voxel size as it is told, to more digits than anybody measures."""
+    return " x ".join(f"{mm:.5g}" for mm in spacing) + " mm"
+
+
 def axis_name(axis: str) -> str:
     """Return what an axis other than those of space is called in messages."""
     return _AXIS_NAMES.get(axis, f"{axis}-element")
+
+
+def plain_unit(unit: str) -> str:
+    """Return the name of a unit of length in lower case where it cannot be another's then.
+
+    Words are the same in any case, and MM; Mm are a thousand kilometres.
+    """
+    known = unit.lower() in MILLIMETRES and len(unit) >= _SHORTEST_WORD
+    return unit.lower() if known or unit == "MM" else unit
 
 
 def in_millimetres(unit: str | None, default: str, assumed: list[str]) -> float:
@@ -142,7 +163,7 @@ def in_millimetres(unit: str | None, default: str, assumed: list[str]) -> float:
     assumed : list of str
         Takes a sentence where the unit is not known.
     """
-    found = MILLIMETRES.get(default if unit is None else unit)
+    found = MILLIMETRES.get(default if unit is None else plain_unit(str(unit)))
     if found is None:
         sentence = f"its unit of length {unit!r} is not known: mm was assumed"
         if sentence not in assumed:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.file_sizes import asked_size, check_size
-from napari_unpack.io.file_data import SPACE, FileData
+from napari_unpack.io.file_data import SPACE, FileData, size_text
 from napari_unpack.io.volumes import read_file
 
 Named = tuple[FileData, Mapping[int, str]]
@@ -105,7 +105,7 @@ def _facts(file: FileData) -> dict[str, str]:
         "volume": _extent(file.volume),
         "label volume": _extent(file.labels),
         "order of axes": file.axes,
-        "voxel size": " x ".join(f"{mm:.5g}" for mm in file.spacing) + " mm",
+        "voxel size": size_text(file.spacing),
     }
 
 

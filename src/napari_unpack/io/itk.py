@@ -20,6 +20,7 @@ from napari_unpack.geometry.axes import Matrix
 from napari_unpack.io.file_data import SPACE, FileData
 from napari_unpack.io.itk_fields import HeaderFields, fields_of
 from napari_unpack.io.itk_header import stored_as
+from napari_unpack.io.label_names import is_segmentation
 from napari_unpack.io.nifti import check_nifti, planes_not_finite, refuse_nifti_2
 from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import (
@@ -84,10 +85,14 @@ def read_itk(path: Path, large: bool = False) -> FileData:
             image = reader.Execute()
     except RuntimeError as error:
         raise ValueError(f"{path} is not a readable volume: {_last_line(error)}") from error
-    if image.GetNumberOfComponentsPerPixel() != 1:
+    count = image.GetNumberOfComponentsPerPixel()
+    if count != 1 and is_segmentation(path):
         raise ValueError(
-            f"{path} must hold one number a voxel, got {image.GetNumberOfComponentsPerPixel()}"
+            f"{path} holds segments that overlap, in {count} layers: collapse them in 3D Slicer, "
+            "or export a labelmap"
         )
+    if count != 1:
+        raise ValueError(f"{path} must hold one number a voxel, got {count}")
     if nifti:
         image = _put_back(sitk, image, path)
     # A fourth axis of length 1 is a time series of one, which many tools write. Where axes are

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from napari_unpack.io.file_data import MILLIMETRES, NO_VOXEL_SIZE, in_millimetres
+from napari_unpack.io.file_data import MILLIMETRES, NO_VOXEL_SIZE, in_millimetres, plain_unit
 from napari_unpack.io.itk_header import LONGEST_HEADER
 
 # MetaIO knows more names for it than its documents; without any of them it takes 1.
@@ -75,7 +75,7 @@ def fields_of(path: Path) -> HeaderFields:
     units = _QUOTED.findall(fields.get("spaceunits", fields.get("units", "")))
     units = _of_space(units, [] if "spaceunits" in fields else kinds)
     named = {unit for unit in units if unit not in ("", "???", "none")}
-    if len({MILLIMETRES.get(unit, unit) for unit in named}) > 1:
+    if len({MILLIMETRES.get(plain_unit(unit), unit) for unit in named}) > 1:
         raise ValueError(f"{path} must have one unit of length, got {', '.join(sorted(named))}")
     scale = in_millimetres(min(named, default=None), "mm", assumed)
     return HeaderFields(scale, _axes(kinds), tuple(assumed))

@@ -6,7 +6,7 @@ import codecs
 import csv
 import io
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -85,6 +85,24 @@ def load_label_names(path: str | Path) -> dict[int, NamedLabel]:
     return found
 
 
+def segment_names(path: Path) -> dict[int, str]:
+    """Read what a segmentation of 3D Slicer calls its labels; nothing where it names none.
+
+    Parameters
+    ----------
+    path : Path
+        .seg.nrrd.
+
+    Raises
+    ------
+    ValueError
+        If it is no NRRD file.
+    """
+    with read_errors_told(path, "a segmentation (.seg.nrrd)"):
+        found = _segments(_header(path))
+    return {label: about.name for label, about in found.items() if label and about.name}
+
+
 def _text(data: bytes) -> str:
     # Notepad and spreadsheets on Windows call it Unicode.
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
@@ -161,8 +179,3 @@ def _bytes(values: list[str]) -> Color:
 def _shares(text: str) -> Color | None:
     values = [min(max(float(part), 0.0), 1.0) for part in text.split()]
     return (values[0], values[1], values[2]) if len(values) == 3 else None
-
-
-def names_of_labels(labels: Mapping[int, NamedLabel]) -> dict[int, str]:
-    """Return the names alone, of those that have one."""
-    return {label: about.name for label, about in labels.items() if about.name}

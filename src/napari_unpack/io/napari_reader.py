@@ -11,6 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from napari_unpack.file_sizes import TooLargeError
 from napari_unpack.io.file_data import SPACE, FileData
 from napari_unpack.io.scan import Scan
@@ -85,6 +87,7 @@ def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerDat
     if found.volume is not None:
         layers.append((found.volume, _attributes(found, name) | {"colormap": "gray"}, "image"))
     if found.labels is not None:
+        found = _labels_of_all_axes(found)
         named = {"features": label_features(names)} if names else {}
         about = _label_attributes(found, name, bool(layers))
         layers.append((found.labels, about | named, "labels"))
@@ -94,7 +97,7 @@ def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerDat
 def _read(path: Path, large: bool) -> tuple[FileData, Mapping[int, str]]:
     """Return what a file holds, labels as labels, and what its objects are called."""
     from napari_unpack.io.arrays import read_names
-    from napari_unpack.io.label_names import is_segmentation, load_label_names, names_of_labels
+    from napari_unpack.io.label_names import is_segmentation, segment_names
     from napari_unpack.io.ome_zarr import holds_ids, is_label_image
     from napari_unpack.io.volumes import is_zarr, read_file, suffix_of
 
@@ -106,7 +109,7 @@ def _read(path: Path, large: bool) -> tuple[FileData, Mapping[int, str]]:
     if ids and is_segmentation(path):
         # Voxels of 3D Slicer's segmentations are labels, which the header names.
         found = replace(found, volume=None, labels=found.volume)
-        names = names_of_labels(load_label_names(path))
+        names = segment_names(path)
     elif ids and is_zarr(path) and is_label_image(path):
         found = replace(found, volume=None, labels=found.volume)
     return found, names or {}
@@ -165,6 +168,18 @@ def _label_attributes(found: FileData, name: str, beside_image: bool) -> dict[st
     return _attributes(found, name)
 
 
+def _labels_of_all_axes(found: FileData) -> FileData:
+    """Return data whose labels of several time points have the channels of its volume too.
+
+    napari counts axes from the last: time would be taken for channels.
+    """
+    labels, volume = found.labels, found.volume
+    if labels is None or labels.ndim == len(SPACE) or volume is None or volume.ndim == labels.ndim:
+        return found
+    there = tuple(slice(None) if axis in f"t{SPACE}" else None for axis in found.axes)
+    return replace(found, labels=np.broadcast_to(labels[there], volume.shape).copy())
+
+
 def label_features(names: Mapping[int, str]) -> dict[str, list[Any]]:
     """Return names as napari shows them when the mouse is on a label."""
     from napari_unpack.session.labels import one_line
@@ -200,6 +215,7 @@ def _has_slices(path: Path) -> bool:
         return True
     import tifffile
 
+    from napari_unpack.io.tiff import holds_single_slices
     from napari_unpack.read_errors import read_errors_told
 
     try:
@@ -212,7 +228,7 @@ def _has_slices(path: Path) -> bool:
             # As `read_tiff` has it: a picture with a distance of slices is a stack of one, and
             # pages without a meaning (I, Q) are slices.
             alone = axes == "YX" and "spacing" in (file.imagej_metadata or {})
-            return alone or bool(set(axes) & set("ZIQ"))
+            return alone or bool(set(axes) & set("ZIQ")) or holds_single_slices(file)
     except (OSError, ValueError):
         # Ours too: the reader says what is wrong with it.
         return True

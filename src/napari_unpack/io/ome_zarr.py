@@ -22,6 +22,7 @@ from napari_unpack.io.file_data import (
     NO_VOXEL_SIZE,
     SPACE,
     FileData,
+    axis_name,
     in_millimetres,
 )
 from napari_unpack.io.optional import needed
@@ -38,6 +39,9 @@ CHUNK = 64
 
 SMALLEST_LEVEL = 128
 """Voxels along the longest axis: a level below that shows nothing of a bag."""
+
+MOST_NAMED = 4
+"""Images of a folder in a message."""
 
 
 def read_zarr(path: Path, large: bool = False) -> FileData:
@@ -58,17 +62,20 @@ def read_zarr(path: Path, large: bool = False) -> FileData:
     ImportError
         If zarr is missing.
     """
-    node = _opened(path)
+    node, said = _image(path)
     if not hasattr(node, "keys"):
         array = checked_volume_array(_voxels(node, path, large), path)
         return FileData(array, assumed=(NO_VOXEL_SIZE,))
     found = _finest(node, path, large)
+    found = replace(found, assumed=said + found.assumed)
     labels = _labels(node, path, large)
     assert found.volume is not None, "it was read"
     lengths = dict(zip(found.axes, found.volume.shape, strict=True))
-    # Labels of a coarser level cannot be laid over the volume.
-    if labels is not None and labels.shape != tuple(lengths.get(axis) for axis in SPACE):
-        return _without_labels(found)
+    # Labels of a coarser level, or of other time points, cannot be laid over the volume.
+    if labels is not None:
+        axes = SPACE if labels.ndim == len(SPACE) else f"t{SPACE}"
+        if labels.shape != tuple(lengths.get(axis) for axis in axes):
+            return _without_labels(found)
     return replace(found, labels=labels)
 
 
@@ -107,10 +114,11 @@ def stored_levels(path: Path) -> StoredLevels | None:
     ImportError
         If zarr or dask is missing.
     """
-    node = _opened(path)
+    node, said = _image(path)
     if not hasattr(node, "keys"):
         return None
     _, described = _described(node, path)
+    described = replace(described, assumed=said + described.assumed)
     image = _levels(node)
     if len(image) < 2 or not described.axes.endswith(SPACE):
         return None
@@ -249,7 +257,8 @@ def _origin(place: Matrix | None) -> list[float] | None:
 def stored_volume(path: Path) -> tuple[Any, FileData]:
     """Return the finest level of a multiscale image with the axes z, y, x, which is not read.
 
-    With it what is said of it: data without a volume.
+    Other axes are left out where they are 1 long. With it what is said of it: data without a
+    volume.
 
     Parameters
     ----------
@@ -262,11 +271,25 @@ def stored_volume(path: Path) -> tuple[Any, FileData]:
     ImportError
         If zarr is missing.
     """
-    node = _opened(path)
+    node, said = _image(path)
     if not hasattr(node, "keys"):
         array, found = node, FileData(None, assumed=(NO_VOXEL_SIZE,))
     else:
         array, found = _described(node, path)
+        found = replace(found, assumed=said + found.assumed)
+    if array.ndim == len(found.axes):
+        lengths = dict(zip(found.axes, array.shape, strict=True))
+        if long := {axis: n for axis, n in lengths.items() if axis not in SPACE and n > 1}:
+            (axis, count), *_ = long.items()
+            raise ValueError(
+                f"{path} holds {count} {axis_name(axis)}s: save one of them as a Zarr volume, or "
+                f"choose one with --at {axis}=0 and write .npz"
+            )
+        if len(lengths) > len(SPACE):
+            dask = needed("dask.array", "dask", "an image of more axes than z, y, x")
+            first = tuple(slice(None) if axis in SPACE else 0 for axis in lengths)
+            array = dask.from_zarr(array)[first]
+            found = replace(found, axes="".join(axis for axis in lengths if axis in SPACE))
     if found.axes != SPACE or array.ndim != len(SPACE):
         raise ValueError(
             f"{path} must hold one volume with axes z, y, x, got {found.axes} and {array.ndim} axes"
@@ -311,6 +334,25 @@ def _opened(path: Path) -> Any:
     except Exception as error:
         # zarr raises many kinds of its own, which moved between its releases.
         raise ValueError(f"{path} is not a readable Zarr image: {error}") from error
+
+
+def _image(path: Path) -> tuple[Any, tuple[str, ...]]:
+    """Return the array or the image of a folder, and a sentence where it is one of several.
+
+    bioformats2raw, and what converts by it, numbers the images of a file in one folder.
+    """
+    node = _opened(path)
+    if not hasattr(node, "keys") or "multiscales" in _attributes(node):
+        return node, ()
+    groups = dict(node.groups())
+    images = [name for name, group in groups.items() if "multiscales" in _attributes(group)]
+    images.sort(key=lambda name: (len(name), name))
+    if len(images) == 1 or (images and "bioformats2raw.layout" in _attributes(node)):
+        several = f"it holds {len(images)} images: {images[0]!r} was taken"
+        return groups[images[0]], (several,) if len(images) > 1 else ()
+    there = [path.name + "/" + name for name in (*images, *sorted(dict(node.arrays())))]
+    which = f"; open {' or '.join(there[:MOST_NAMED])}" if there else ""
+    raise ValueError(f"{path} holds no OME-Zarr image ('multiscales' is missing){which}")
 
 
 def _attributes(node: Any) -> dict[str, Any]:
@@ -396,11 +438,14 @@ def _labels(node: Any, path: Path, large: bool) -> NDArray[Any] | None:
     names = _label_names(node)
     if not names:
         return None
-    # Labels have no channels; of several time points the first lies over the volume's first.
     found = _finest(node["labels"][names[0]], path, large)
-    first = found.one_volume({a: 0 for a in found.axes if a not in SPACE}, path).volume
-    assert first is not None, "it was read"
-    return checked_label_array(first, f"the labels of {path}")
+    assert found.volume is not None, "it was read"
+    # Labels have no channels.
+    first = {a: 0 for a in found.axes if a not in SPACE}
+    moments = dict(zip(found.axes, found.volume.shape, strict=True)).get("t", 1)
+    each = [found.one_volume(first | ({"t": t} if t else {}), path).volume for t in range(moments)]
+    labels = [checked_label_array(one, f"the labels of {path}") for one in each if one is not None]
+    return labels[0] if moments == 1 else np.stack(labels)
 
 
 def _label_names(node: Any) -> list[str]:

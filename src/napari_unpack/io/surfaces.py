@@ -314,7 +314,10 @@ def _write_obj(
         visual: Any = mesh.visual
         color = visual.vertex_colors[:1, :3] / 255
         points = np.hstack([mesh.vertices, np.repeat(color, len(mesh.vertices), axis=0)])
-        for line, rows in (("v" + 6 * " %.6f", points), ("f %d %d %d", mesh.faces + before)):
+        for line, rows in (
+            ("v" + 3 * " %.9g" + 3 * " %.6f", points),
+            ("f %d %d %d", mesh.faces + before),
+        ):
             for first in range(0, len(rows), PIECE_ROWS):
                 told()
                 piece = rows[first : first + PIECE_ROWS]

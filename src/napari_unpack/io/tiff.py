@@ -35,23 +35,72 @@ def read_tiff(path: Path, large: bool = False) -> FileData:
     ------
     ValueError
         If the file is broken or holds no image.
+    ImportError
+        If the codec of a compressed file is missing.
     """
     import tifffile
 
     assumed: list[str] = []
     with tifffile.TiffFile(path) as file:
         _check_inside(file, path)
-        if len(file.series) > 1:
-            assumed.append(f"it holds {len(file.series)} images: the first was taken")
-        image = file.series[0]
-        check_size(path, *_size(image, path), large)
-        array = image.asarray()
-        axes = _axes(image.axes)
+        image, count = file.series[0], len(file.series)
+        slices = holds_single_slices(file)
+        if count > 1 and not slices:
+            assumed.append(f"it holds {count} images: the first was taken")
+        needed, stored, packed = _size(image, path)
+        check_size(path, needed * (count if slices else 1), stored, packed, large)
+        if slices:
+            array, axes = np.empty((count, *image.shape), image.dtype), "zyx"
+            for plane, each in zip(array, file.series, strict=True):
+                plane[...] = _voxels(each, path)
+        else:
+            array, axes = (
+                _signed(_voxels(image, path), file.imagej_metadata or {}),
+                _axes(image.axes),
+            )
         # A picture has no distance of slices: this is a stack of one.
         if axes == "yx" and "spacing" in (file.imagej_metadata or {}):
             array, axes = array[None], "zyx"
         spacing = _imagej(file, assumed) or _ome(file, assumed) or _tags(file, assumed)
     return FileData(array, axes, checked_spacing(spacing, path), assumed=tuple(assumed))
+
+
+def holds_single_slices(file: Any) -> bool:
+    """Tell whether an open TIFF was written slice by slice, each as an image of its own.
+
+    Parameters
+    ----------
+    file : tifffile.TiffFile
+    """
+    # Of OME they are other places of a sample.
+    if len(file.series) < 2 or file.is_ome:
+        return False
+    first = file.series[0]
+    wanted = "YX", first.shape, first.dtype
+    return all((each.axes, each.shape, each.dtype) == wanted for each in file.series)
+
+
+def _voxels(image: Any, path: Path) -> NDArray[Any]:
+    try:
+        array: NDArray[Any] = image.asarray()
+    except ValueError as error:
+        if "imagecodecs" not in str(error):
+            raise
+        kind = image.keyframe.compression
+        raise ImportError(
+            f"{path} is compressed as {getattr(kind, 'name', kind)}, which needs imagecodecs; run: "
+            "pip install imagecodecs"
+        ) from error
+    return array
+
+
+def _signed(array: NDArray[Any], notes: dict[str, Any]) -> NDArray[Any]:
+    """Return numbers as ImageJ means them: it keeps signed ones of 16 bits 32,768 too high."""
+    # Its other calibrations give an image a second meaning: what is stored is read of those.
+    shifted = (notes.get("cf"), notes.get("c0"), notes.get("c1")) == (0, -(2**15), 1)
+    if array.dtype.kind != "u" or array.dtype.itemsize != 2 or not shifted:
+        return array
+    return (array.astype(np.uint16) ^ np.uint16(2**15)).view(np.int16)
 
 
 def _axes(letters: str) -> str:

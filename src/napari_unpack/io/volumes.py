@@ -85,6 +85,9 @@ def load_volume(path: str | Path, at: Mapping[str, int] | None = None, large: bo
 def load_labels(path: str | Path, large: bool = False) -> tuple[NDArray[Any], Spacing]:
     """Open a (Z, Y, X) label volume and its voxel size, mm z y x.
 
+    They are as their file has them, which may be along other axes than a volume's:
+    `labels_on_volume.scan_with_label_file` lays them over one.
+
     Parameters
     ----------
     path : str or Path
@@ -99,12 +102,29 @@ def load_labels(path: str | Path, large: bool = False) -> tuple[NDArray[Any], Sp
         labels, and if its labels are of another shape than its volume. An OME-Zarr image without
         labels is taken for labels: many programs write theirs without saying so.
     """
+    found = load_label_file(path, large)
+    assert found.labels is not None, "it was checked"
+    return found.labels, found.spacing
+
+
+def load_label_file(path: str | Path, large: bool = False) -> FileData:
+    """Open a label volume with all that its file says of it.
+
+    Parameters
+    ----------
+    path, large : see `load_labels`
+
+    Raises
+    ------
+    FileNotFoundError, ValueError, ImportError
+        As for `load_labels`.
+    """
     found = read_file(path, large)
     if found.labels is None and found.is_density:
         raise ValueError(f"{path} holds a volume without labels that fit it: name a file of labels")
     array = found.labels if found.labels is not None else found.one_volume({}, path).volume
     assert array is not None, "every reader gives one of them"
-    return checked_label_array(array, path), found.spacing
+    return replace(found, volume=None, labels=checked_label_array(array, path))
 
 
 def save_scan(scan: Scan, path: str | Path) -> list[Path]:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from time import monotonic
 from typing import TYPE_CHECKING, Any, TypeGuard
 from weakref import WeakKeyDictionary
 
+import numpy as np
 from napari.layers import Image, Labels, Layer
 
 from napari_unpack.geometry.length_unit import LengthUnit
+from napari_unpack.io.file_data import FileData
+from napari_unpack.io.labels_on_volume import laid_over
 from napari_unpack.layers.compat import unwrap
 from napari_unpack.layers.levels import place_of_level
 from napari_unpack.layers.placement import (
@@ -324,6 +327,7 @@ class SegmentSection(Section):
             if _is_labels(labels):
                 ids, names = labels_of(labels, volume, index), names or names_of(labels)
                 whole = whole_labels_of(labels, volume, index)
+                self._explain_other_place(image, labels, volume)
             own = labels if _is_labels(labels) else None
             order = _Order(image, own, volume, index, self.voxels.unit)
             settings = self.options.settings()
@@ -339,6 +343,25 @@ class SegmentSection(Section):
             notifications.inform(
                 f"{layer.name!r} has another shape than {listed(map(repr, volumes))}: its objects "
                 "are shown without a volume."
+            )
+
+    def _explain_other_place(self, image: Layer, labels: Labels, volume: Volume) -> None:
+        """Say where files do not have the labels as they lie on the image here."""
+        # No voxels are read. One voxel size for both: a person may have set that of the image.
+        there = FileData(
+            np.broadcast_to(np.uint8(0), volume.data.shape),
+            spacing=volume.spacing,
+            scanner_from_scan=scanner_from_scan(image),
+        )
+        own = replace(there, labels=there.volume, scanner_from_scan=scanner_from_scan(labels))
+        turned, told = laid_over(own, there)
+        if told:
+            notifications.inform(f"Labels {labels.name!r} {told}.")
+        elif turned is not own.labels:
+            notifications.inform(
+                f"By their files {labels.name!r} lie mirrored or turned on {image.name!r}: they "
+                "are taken voxel by voxel all the same. `napari-unpack demo SCAN --labels LABELS` "
+                "turns them onto the scan."
             )
 
     def _begin(self, work: Callable[[Progress], Any]) -> None:
