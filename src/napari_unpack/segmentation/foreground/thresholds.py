@@ -14,6 +14,8 @@ from napari_unpack.kernels import njit
 BINS = 512
 # Voxels, evenly spread, that levels are found from: their quantiles are good to a thousandth.
 MOST_SAMPLES = 4_000_000
+# Of them, those that may be broken: far below all others, they say nothing of air.
+BROKEN = 0.0005
 
 # Of all voxels. With less, and a lower threshold within the noise, 5 to 83 objects were found about
 # a single thing; from 0.7 % on it was right. Nuclei fill 46 % above the upper threshold.
@@ -82,7 +84,7 @@ def find_levels(volume: NDArray[np.generic]) -> Levels:
 
 def _levels(sample: NDArray[np.float64], top: float, which: int) -> Levels:
     """Return the levels by the lower (0) or the upper (1) of Otsu's two thresholds, up to `top`."""
-    air = _background(sample, float(sample.min()), top)
+    air = _background(sample, _bottom(sample, top), top)
     dense = _two_thresholds(*_histogram(np.clip(sample, air, top)))[which]
     foreground = sample[sample > dense]
     if not len(foreground) or not dense > air:
@@ -98,6 +100,13 @@ def _levels(sample: NDArray[np.float64], top: float, which: int) -> Levels:
     enough = max(6 * noise, 0.1 * (float(np.median(faint)) - air) if len(faint) else 0.0)
     high = min(high, air + enough)
     return Levels(air, noise, air + 0.65 * (high - air), high)
+
+
+def _bottom(sample: NDArray[np.float64], top: float) -> float:
+    """Return where the range of air and matter begins: at the smallest value but broken ones."""
+    least, bottom = float(sample.min()), float(np.quantile(sample, BROKEN))
+    # Beyond, air would be in the upper half of the range, where no background is sought.
+    return bottom if bottom - least > (top - bottom) / 2 else least
 
 
 def noise_of_steps(grid: NDArray[Any]) -> float:
