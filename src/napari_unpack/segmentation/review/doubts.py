@@ -131,7 +131,7 @@ def doubts(
     found += _specks(evidence, objects, answers)
     if not found:
         return []
-    taught = [a for a in answers if learn and a.said in ("same", "different")]
+    taught = [a for a in answers if learn and _says_something(a)]
     model = Rescoring.of(
         np.array([a.row for a in taught]),
         np.array([a.said == "same" for a in taught]),
@@ -146,6 +146,15 @@ def doubts(
     before = np.cumsum([0.0, *asked, *(d.worth for d in made)])
     left = zip(made, before[len(asked) :], strict=False)
     return [d for d, sum_before in left if sum_before < share * before[-1]]
+
+
+def _says_something(answer: Answer) -> bool:
+    """Return whether an answer says if both sides are one object, or if the one side is one."""
+    # Of two sides, one that is no object says nothing of how objects meet.
+    return answer.said in ("same", "different") or (answer.kind, answer.said) == (
+        "object",
+        "nothing",
+    )
 
 
 def objects_of(evidence: Evidence, labels: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
