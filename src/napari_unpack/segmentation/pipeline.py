@@ -203,12 +203,15 @@ def segment(
     Raises
     ------
     TypeError
-        If the volume does not hold real numbers, `out` no integers, or `judge` is given.
+        If the volume does not hold real numbers, `out` no integers, `oracle` cannot be called, or
+        `judge` is given.
     ValueError
         If the volume, the spacing or `out` is not usable, or nothing is found.
     """
     if judge is not None:
         raise TypeError('judge= is gone with method="affinity"; pass oracle= with method="cuts"')
+    if oracle is not None and not callable(oracle):
+        raise TypeError(f"oracle must be None or a function of a region, got {oracle!r}")
     source = source_of(volume)
     size = checked_spacing(spacing)
     level = checked_foreground(foreground)
