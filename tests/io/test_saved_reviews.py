@@ -55,6 +55,26 @@ def test_a_review_goes_on_after_a_crash(tmp_path) -> None:
     kept.close()
 
 
+def test_a_question_about_what_has_changed_is_refused_until_that_is_undone() -> None:
+    session = reviewed()
+    session.undo()
+    review, silent = session.review, lambda *_: None
+    join, border = review.doubts_task().run(silent)[:2]
+    assert (join.kind, border.kind) == ("join", "border")
+    session.split(1, (4, 4, 2), (4, 4, 15))
+    for task in (review.answer_task(join, "different"), review.answer_task(border, "same")):
+        with pytest.raises(ValueError, match="have changed since it was asked"):
+            task.run(silent)
+    session.delete([border.objects[0]])
+    with pytest.raises(ValueError, match="have changed since it was asked"):
+        review.picture_task(border, 40).run(silent)
+    session.undo()
+    session.undo()
+    edited = review.answer_task(border, "same").run(silent)
+    assert review.apply(border, "same", edited)
+    assert session.ids == (1,)
+
+
 def test_an_answer_and_its_repair_are_one_step_of_undo() -> None:
     session = reviewed()
     labels = session.labels

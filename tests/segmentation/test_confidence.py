@@ -295,3 +295,17 @@ def test_the_measures_that_lowered_a_confidence_are_named():
     assert reasons(oracle, usual) == ()
     assert reasons(oracle, odd)[0] == "it is of two materials"
     assert len(reasons(oracle, rng.normal(4, 2, len(FEATURES)))) <= 3
+    # What is little more than usual is said to be that, and what is as usual is not named.
+    near = fit_features(good, good + 2 * (np.arange(len(FEATURES)) == at))
+    for more, words in ((0.9, ()), (1.5, ("it is more like two materials than usual",))):
+        odd = near.center + more * near.scale * (np.arange(len(FEATURES)) == at)
+        assert near.scores(odd[None]) < 0.8
+        assert reasons(near, odd) == words
+
+
+def test_what_is_no_fault_is_no_reason():
+    rng = np.random.default_rng(0)
+    at = FEATURES.index("lobes_60")
+    good = rng.normal(0, 1, (400, len(FEATURES)))
+    oracle = fit_features(good, good - 6 * (np.arange(len(FEATURES)) == at))
+    assert reasons(oracle, oracle.center - 6 * (np.arange(len(FEATURES)) == at)) == ()

@@ -222,9 +222,11 @@ def test_an_oracle_decides_about_cuts_and_gives_the_confidence():
 def test_without_cuts_an_oracle_gives_the_confidence_and_changes_no_object():
     volume = scanned(two_balls(), {1: 1000, 2: 1400})
     alone = segment(volume)
-    judged = segment(volume, oracle=lambda region: 0.25)
+    judged = segment(volume, oracle=lambda region: 0.25 if region.values.mean() < 1200 else 7)
     np.testing.assert_array_equal(judged.labels, alone.labels)
-    assert (judged.objects.confidence == 0.25).all()
+    assert sorted(judged.objects.confidence) == [0.25, 1.0]
+    with pytest.raises(TypeError, match="function of a region, got 5"):
+        segment(volume, oracle=5)
 
 
 @pytest.mark.parametrize(

@@ -38,6 +38,16 @@ def test_a_split_leaves_the_id_with_the_larger_part():
     assert np.array_equal(after > 0, labels > 0)
 
 
+@pytest.mark.parametrize("offset", [0, -1000, 32768])
+def test_a_split_is_at_the_step_of_density_wherever_values_begin(offset):
+    labels = np.zeros((12, 12, 40), np.uint16)
+    labels[2:10, 2:10, 2:38] = 1
+    density = np.random.default_rng(0).normal(10, 8, labels.shape) + 800 * labels + offset
+    density[2:10, 2:10, 14:38] += 200
+    edit = split_between(labels, label_boxes(labels), density, (1, 1, 1), (6, 6, 4), (6, 6, 36), 2)
+    assert (edit.apply(labels)[2:10, 2:10, 2:38] == np.where(np.arange(2, 38) < 14, 2, 1)).all()
+
+
 def test_the_difference_is_found_and_only_that():
     rng = np.random.default_rng(0)
     one = rng.integers(0, 5, (6, 7, 8)).astype(np.uint16)

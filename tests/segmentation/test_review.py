@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -136,6 +138,15 @@ def test_what_is_hardly_matter_is_asked_about_as_an_object() -> None:
     firm = [d for d in doubts(evidence(matter=255), labels) if d.kind == "object"]
     assert len(faint) == 3
     assert max((d.doubt for d in firm), default=0) < faint[0].doubt
+
+
+def test_what_is_called_no_object_makes_others_like_it_more_doubtful() -> None:
+    found, labels = many_bars()
+    found = replace(found, sums=found.sums * [1, 1, 1, 0.4, 1])
+    first, *others = (d for d in doubts(found, labels, share=2.0) if d.kind == "object")
+    left = np.where(labels == first.objects[0], 0, labels)
+    now = [d for d in doubts(found, left, [first.answered("nothing")]) if d.kind == "object"]
+    assert max(d.chance for d in now) < min(d.chance for d in others)
 
 
 def test_an_answer_moves_what_is_like_it_and_hardly_what_is_not() -> None:

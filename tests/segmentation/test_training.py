@@ -7,8 +7,8 @@ from phantoms import packed, scanned
 from napari_unpack import simulate_bag
 from napari_unpack.segmentation import Oracle, train
 from napari_unpack.segmentation.confidence.oracle import default_oracle
-from napari_unpack.segmentation.training import oracle_examples, train_on_examples
-from napari_unpack.tasks import Cancelled
+from napari_unpack.segmentation.training import merged_pairs, oracle_examples, train_on_examples
+from napari_unpack.tasks import Cancelled, Share
 
 
 class Labelled:
@@ -50,6 +50,23 @@ def test_training_is_cancelled_at_any_report(after):
         train([Labelled(300)], progress=stop)
     # Nothing is told any more.
     assert len(told) == after
+
+
+def test_pairs_and_halves_are_made_one_by_one_and_each_can_be_cancelled():
+    labels = np.repeat(np.repeat(np.repeat(np.arange(1, 28).reshape(3, 3, 3), 6, 0), 6, 1), 6, 2)
+    volume = np.random.default_rng(0).normal(1000, 20, labels.shape)
+    told = []
+    bag = SimpleNamespace(volume=volume, labels=labels, spacing=(1.0, 1.0, 1.0))
+    good, bad = oracle_examples(bag, share=Share(lambda fraction, _: told.append(fraction)))
+    assert (len(good), len(bad)) == (27, 54 + 27)
+    assert len(set(told)) >= 27 + 54 + 27
+    made = []
+    for pair in merged_pairs(volume, labels, (1.0, 1.0, 1.0), Share(lambda *_: made.append(0))):
+        assert pair.mask.all()
+        assert pair.voxels == 2 * 6**3
+        # The others are not made yet.
+        assert made.count(0) == made.count(1) + 1
+        made.append(1)
 
 
 def test_a_volume_without_labels_is_refused():

@@ -11,6 +11,7 @@ from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.grow_labels import grow_labels
 from napari_unpack.geometry.view import View
 from napari_unpack.rendering.object_style import ObjectStyle
+from napari_unpack.segmentation.object_table import object_table as measured
 from napari_unpack.session import ObjectState, Session
 from napari_unpack.session.measurements import SurfacePoint, owner_after
 from napari_unpack.tasks import no_progress
@@ -189,6 +190,16 @@ def test_a_new_object_leaves_columns_of_numbers_what_they_are() -> None:
     np.testing.assert_array_equal(s.objects["parent"].to_numpy(), [0.0, 1.0, 1.0, np.nan])
     assert s.objects["score"].dtype == s.objects["parent"].dtype == np.float64
     assert s.objects["shelf"].isna().tolist() == [False, False, False, True]
+
+
+def test_surface_over_volume_is_that_of_what_a_repair_made() -> None:
+    volume, labels = dumbbell()
+    known = measured(labels.astype(np.int32), volume, (1.0, 1.0, 2.0))
+    s = Session(volume, labels, (1.0, 1.0, 2.0), known)
+    s.split(1, LEFT, RIGHT)
+    s.merge([2, 3])
+    fresh = measured(np.asarray(s.labels, np.int32), volume, (1.0, 1.0, 2.0))
+    np.testing.assert_allclose(s.objects["isoperimetric_ratio"], fresh["isoperimetric_ratio"])
 
 
 def test_a_stroke_on_what_is_outside_is_refused_and_the_rest_counts() -> None:

@@ -98,7 +98,7 @@ class BlockWorkers:
         from dask.array import Array as DaskArray
         from dask.delayed import delayed
 
-        array, told = source.array, (job.box, source.shape, job.work, job.given)
+        array, told = source.array, (job.box, source.shape, source.padding, job.work, job.given)
         if isinstance(array, DaskArray):
             # The cluster reads its chunks, and joins them where the work is done.
             call = delayed(_on_block, pure=False)(array[job.box], *told)
@@ -161,11 +161,12 @@ def _on_block(
     block: Any,
     box: Box,
     shape: tuple[int, int, int],
+    padding: float | None,
     work: Callable[..., Any],
     given: tuple[Any, ...],
 ) -> Any:
     part = PartArray(np.asarray(block), box, shape)
-    return work(Source(part, shape, Lock()), *given, SILENT)
+    return work(Source(part, shape, Lock(), padding), *given, SILENT)
 
 
 def _on_stored_block(array: Any, box: Box, *told: Any) -> Any:

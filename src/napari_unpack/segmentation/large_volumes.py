@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import prod
 from typing import Any
 
@@ -16,7 +16,7 @@ from napari_unpack.memory import check_memory
 from napari_unpack.segmentation.common.array_source import Box, Source, blocks, grown, within
 from napari_unpack.segmentation.common.block_jobs import BlockJob, BlockRunner, ThreadRunner
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS, Oracle
-from napari_unpack.segmentation.common.validation import Spacing
+from napari_unpack.segmentation.common.validation import Spacing, padding_of
 from napari_unpack.segmentation.foreground.denoising import needs_denoising
 from napari_unpack.segmentation.foreground.methods import find_foreground, foreground_levels
 from napari_unpack.segmentation.foreground.scanner_table import measured_section
@@ -101,13 +101,17 @@ def segment_large(
     # Single bright voxels so many that every cell has a neighbour with one are a haze on the grid,
     # and may come out as an object.
     share, runner = Share(progress), runner or ThreadRunner()
-    begun = share.part(0.0, 0.03, "Reducing the volume")
+    begun = share.part(0.0, 0.02, "Reducing the volume")
     factors = reduction(source.shape, spacing, working)
     count = prod(-(-n // f) for n, f in zip(source.shape, factors, strict=True))
     if count > WORKING_VOXELS:
         remedy = "pass a smaller working"
         check_memory(f"finding objects in {count:,} cells", GRID_BYTES * count, remedy)
     grid = reduced(source, spacing, factors, BLOCK, begun, runner)
+    padding = padding_of(grid.sample)
+    if padding is not None:
+        source = replace(source, padding=padding)
+        grid = reduced(source, spacing, factors, BLOCK, share.part(0.02, 0.03), runner)
     levels = foreground_levels(grid.sample, foreground)
     labels = find(grid.density, grid.spacing, share.part(0.03, 0.6, "Looking at the volume"))
     refining = share.part(0.6, 0.9, "Refining the borders")

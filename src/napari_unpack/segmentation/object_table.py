@@ -135,7 +135,7 @@ def object_table(
 
 
 def confidence_in(oracle: Oracle, region: Region) -> float:
-    """Rate an object; 0 where the oracle has no number, as of densities too large.
+    """Rate an object, in [0, 1]; 0 where the oracle has no number, as of densities too large.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def confidence_in(oracle: Oracle, region: Region) -> float:
     region : Region
     """
     value = float(oracle(region))
-    return value if np.isfinite(value) else 0.0
+    return min(max(value, 0.0), 1.0) if np.isfinite(value) else 0.0
 
 
 def confidences(

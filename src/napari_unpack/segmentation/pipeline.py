@@ -31,7 +31,9 @@ from napari_unpack.segmentation.common.validation import (
     checked_spacing,
     checked_volume,
     in_common_range,
+    padding_of,
     without_infinities,
+    without_padding,
 )
 from napari_unpack.segmentation.confidence.oracle import default_oracle
 from napari_unpack.segmentation.foreground.denoising import (
@@ -152,8 +154,9 @@ def segment(
     Parameters
     ----------
     volume : (Z, Y, X) array_like
-        Densities, any real type and scale; NaN is background. A zarr or dask array, or a memory
-        map, is read block by block where it is larger than `working`.
+        Densities, any real type and scale; NaN is background, and so is a smallest value far below
+        air's CT number and all others, as -2000 outside a round field of view. A zarr or dask
+        array, or a memory map, is read block by block where it is larger than `working`.
     spacing : (3,) sequence of float, mm z y x
     oracle : callable, optional
         `oracle(region) -> confidence in [0, 1]` gives the table's confidence, by default the
@@ -200,12 +203,15 @@ def segment(
     Raises
     ------
     TypeError
-        If the volume does not hold real numbers, `out` no integers, or `judge` is given.
+        If the volume does not hold real numbers, `out` no integers, `oracle` cannot be called, or
+        `judge` is given.
     ValueError
         If the volume, the spacing or `out` is not usable, or nothing is found.
     """
     if judge is not None:
         raise TypeError('judge= is gone with method="affinity"; pass oracle= with method="cuts"')
+    if oracle is not None and not callable(oracle):
+        raise TypeError(f"oracle must be None or a function of a region, got {oracle!r}")
     source = source_of(volume)
     size = checked_spacing(spacing)
     level = checked_foreground(foreground)
@@ -269,6 +275,7 @@ def _segmented(
         share(1.0, f"{len(table)} objects")
         return Segmentation(labels, table)
     density = without_infinities(checked_volume(np.asarray(source.array)))
+    density = without_padding(density, padding_of(density))
     noted = Steps()
     finding = share.part(0.0, 0.95, "Reading the volume")
     labels = _segment_grid(density, size, finding, wanted, noted)

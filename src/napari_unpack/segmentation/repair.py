@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.boxes import LabelBoxes, differing_box
+from napari_unpack.segmentation.common.density_regions import air_offset
 from napari_unpack.segmentation.isoperimetric.two_point_cut import cut_between
 from napari_unpack.segmentation.review.doubts import Doubt, Said
 from napari_unpack.segmentation.review.evidence import Evidence
@@ -90,7 +91,10 @@ def split_between(
     box = boxes.slices(one)
     first = np.array([part.start for part in box])
     mask = labels[box] == one
-    values = np.asarray(np.asarray(density)[box])
+    whole = np.asarray(density)
+    # Steps count beside the density above air.
+    air = air_offset(whole, labels)
+    values = whole[box] - air if air else whole[box]
     far = cut_between(mask, values, spacing, np.asarray(a) - first, np.asarray(b) - first)
     if 2 * np.count_nonzero(far) > np.count_nonzero(mask):
         far = mask & ~far

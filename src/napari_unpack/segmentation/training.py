@@ -13,7 +13,7 @@ from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.relabeling import MOST_OBJECTS, compact_labels
 from napari_unpack.segmentation.common.adjacency import touching_area_matrix
 from napari_unpack.segmentation.common.density_regions import air_offset
-from napari_unpack.segmentation.common.region import Region, bounding_box
+from napari_unpack.segmentation.common.region import Region
 from napari_unpack.segmentation.common.validation import Spacing, checked_labels, checked_spacing
 from napari_unpack.segmentation.confidence.examples import FEWEST, SMALLEST, usable_examples
 from napari_unpack.segmentation.confidence.features import features
@@ -48,7 +48,10 @@ def true_objects(
 
 
 def merged_pairs(
-    density: NDArray[np.generic], labels: NDArray[np.integer], spacing: Spacing
+    density: NDArray[np.generic],
+    labels: NDArray[np.integer],
+    spacing: Spacing,
+    share: Share = SILENT,
 ) -> Iterator[Region]:
     """Yield the union of every two objects that touch over a share of the smaller's surface.
 
@@ -56,8 +59,10 @@ def merged_pairs(
     ----------
     density, labels, spacing
         As for `true_objects`.
+    share : Share
     """
-    names = label_boxes(labels).ids
+    boxes = label_boxes(labels)
+    names = boxes.ids
     compact = np.searchsorted(names, labels).astype(np.int32) + 1
     compact[labels == 0] = 0
     if len(names) < 2:
@@ -66,10 +71,13 @@ def merged_pairs(
     surface = area.sum(axis=1)
     touching = area > TOUCHING * np.minimum.outer(surface, surface)
     air = air_offset(density, labels)
-    for one, two in np.argwhere(np.triu(touching[1:, 1:], 1)) + 1:
-        both = (compact == one) | (compact == two)
-        box = bounding_box(both)
-        yield Region.of(both[box], density, box, spacing, air)
+    for pair in share.over(np.argwhere(np.triu(touching[1:, 1:], 1)).tolist()):
+        # Of the volume, all but the box around both would be looked through in vain.
+        low, high = boxes.lower[pair].min(axis=0), boxes.upper[pair].max(axis=0)
+        z, y, x = (slice(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True))
+        part = compact[z, y, x]
+        both = (part == pair[0] + 1) | (part == pair[1] + 1)
+        yield Region.of(both, density, (z, y, x), spacing, air)
 
 
 class Labelled(Protocol):
@@ -208,19 +216,20 @@ def oracle_examples(
         labels = np.where(np.isin(labels, specks), 0, labels)
     objects = list(true_objects(bag.volume, labels, size))
     share(0.1)
-    merged = list(merged_pairs(bag.volume, labels, size))
-    halved = list(halves(objects, np.random.default_rng(seed)))
-    good = [features(region) for region in share.part(0.2, 0.5).over(objects)]
-    bad = [features(region) for region in share.part(0.5, 1.0).over(merged + halved)]
+    good = [features(region) for region in share.part(0.1, 0.4).over(objects)]
+    # Made one by one: thousands of pairs take long to make, and much memory.
+    bad = [features(pair) for pair in merged_pairs(bag.volume, labels, size, share.part(0.4, 0.8))]
+    parted = share.part(0.8, 1.0).over(objects)
+    bad += [features(half) for half in halves(parted, np.random.default_rng(seed))]
     return good, bad
 
 
-def halves(objects: list[Region], generator: np.random.Generator) -> Iterator[Region]:
+def halves(objects: Iterable[Region], generator: np.random.Generator) -> Iterator[Region]:
     """Yield one half of every object, cut through its centre by a random plane.
 
     Parameters
     ----------
-    objects : list of Region
+    objects : iterable of Region
     generator : numpy.random.Generator
     """
     for region in objects:

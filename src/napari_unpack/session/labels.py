@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+RATIO = "isoperimetric_ratio"
+"""The column of surface over volume (1/mm) that segmentation gives, and no session asks for."""
+
+
 def object_table(
     volume: NDArray[np.generic],
     labels: NDArray[np.uint16],
@@ -167,6 +171,19 @@ def _measure(
         _add_plane(plane.astype(np.float32, copy=False), labels[z], z, numbers)
     with np.errstate(invalid="ignore", divide="ignore"):
         return numbers[:, 4] / numbers[:, 5], numbers[:, 1:4] / numbers[:, :1]
+
+
+def _surfaces(labels: NDArray[np.uint16], spacing: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return by ID the area, mm^2, of the faces to all else and to the ends of an array."""
+    areas = np.zeros(int(labels.max(initial=0)) + 1)
+    for axis in range(3):
+        across = np.moveaxis(labels, axis, 0)
+        nothing = np.zeros_like(across[:1])
+        framed = np.concatenate([nothing, across, nothing])
+        for there in (framed[:-2], framed[2:]):
+            faces = np.bincount(across[across != there], minlength=len(areas))
+            areas += faces * float(np.prod(spacing) / spacing[axis])
+    return areas
 
 
 @njit(cache=True, nogil=True)
@@ -405,6 +422,9 @@ class LabelData:
             after = object_table(volume[box], part, local, spacing, None, given_ids)
             for k, axis in enumerate("zyx"):
                 after[axis] += low[k] * spacing[k]
+            if RATIO in self.facts:
+                # Of an object that is no more what it was, the one measured before is wrong.
+                after[RATIO] = _surfaces(part, spacing)[new.ids] / after["volume_mm3"]
             after = _completed(after, before, change, self.facts)
             # Where none is known, a column with a few numbers would seem to rate the others.
             if self.facts["confidence"].notna().any():

@@ -15,14 +15,21 @@ from napari_unpack.geometry.boxes import LabelBoxes
 from napari_unpack.geometry.view import GRAVITY_UP, View
 from napari_unpack.rendering.compose import scene_image
 from napari_unpack.rendering.slice_image import PLANES, slice_image, window_for
-from napari_unpack.segmentation.repair import edit_of_answer
-from napari_unpack.segmentation.review.doubts import Answer, Doubt, Said, doubts
+from napari_unpack.segmentation.repair import LabelEdit, edit_of_answer
+from napari_unpack.segmentation.review.doubts import (
+    Answer,
+    Doubt,
+    Said,
+    doubts,
+    still_asked,
+)
 from napari_unpack.segmentation.review.evidence import Evidence
 from napari_unpack.tasks import Task
 
 if TYPE_CHECKING:
     from napari_unpack.session.document import Document
     from napari_unpack.session.label_edits import EditedLabels, LabelEditor
+    from napari_unpack.session.labels import LabelData
 
 # Of the first side and the second, told apart also where red looks green (Okabe and Ito 2008).
 FIRST: Rgba = (0.90, 0.62, 0.0, 1.0)
@@ -75,7 +82,12 @@ class Review:
         if evidence is None or evidence.shape != data.labels.shape:
             return None
         key = DoubtsKey(data.revision, answers)
-        return Task(key, lambda _: doubts(evidence, data.labels, answers))
+
+        def find(_: object) -> list[Doubt]:
+            found = doubts(evidence, data.labels, answers)
+            return [replace(doubt, revision=data.revision) for doubt in found]
+
+        return Task(key, find)
 
     def answer_task(self, doubt: Doubt, said: Said) -> Task[EditedLabels | None]:
         """Return the task that works out what an answer changes; None where that is nothing.
@@ -88,7 +100,8 @@ class Review:
         Raises
         ------
         ValueError
-            If there is nothing to review, or an object of it is outside the bag.
+            If there is nothing to review, or an object of it is outside the bag; from the task
+            too, if its objects are no more what they were when it was asked.
         """
         evidence = self.evidence
         if evidence is None:
@@ -98,13 +111,12 @@ class Review:
         if not doubt.changed_by(said):
             return Task(("review", doubt.pieces, said), lambda _: None)
         wanted = [i for i in doubt.objects if i]
-        return self._editor.change_task(
-            "review",
-            wanted,
-            lambda data, new_id: edit_of_answer(
-                doubt, said, evidence, data.labels, data.boxes, new_id
-            ),
-        )
+
+        def change(data: LabelData, new_id: int) -> LabelEdit | None:
+            _refuse_stale(doubt, evidence, data)
+            return edit_of_answer(doubt, said, evidence, data.labels, data.boxes, new_id)
+
+        return self._editor.change_task("review", wanted, change)
 
     def apply(self, doubt: Doubt, said: Said, edited: EditedLabels | None) -> bool:
         """Take an answer; return False where the labels it is about have changed meanwhile.
@@ -136,10 +148,19 @@ class Review:
         assert evidence is not None, "a doubt comes from evidence"
 
         def draw(_: object) -> NDArray[np.uint8]:
+            _refuse_stale(doubt, evidence, data)
             near = _close_by(evidence.pieces, data.labels, data.boxes, doubt)
             return _drawn(np.asarray(volume[near.box]), near, mm, side)
 
         return Task(("close-up", data.revision, doubt.pieces, side), draw)
+
+
+def _refuse_stale(doubt: Doubt, evidence: Evidence, data: LabelData) -> None:
+    # To look takes as long as to find the doubts anew.
+    if doubt.revision != data.revision and not still_asked(doubt, evidence, data.labels):
+        raise ValueError(
+            "the objects of this question have changed since it was asked: ask for the doubts again"
+        )
 
 
 @dataclass(frozen=True, eq=False)

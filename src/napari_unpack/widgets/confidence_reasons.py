@@ -59,4 +59,4 @@ class ConfidenceReasons(QObject):
 
 def _take(known: dict[int, str], object_id: int, reasons: tuple[str, ...]) -> None:
     lowered = f"Lowered because {'; '.join(reasons)}."
-    known[object_id] = lowered if reasons else "Nothing of note lowered it."
+    known[object_id] = lowered if reasons else "No single measure stands out."

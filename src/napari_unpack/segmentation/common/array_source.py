@@ -13,7 +13,9 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from napari_unpack.segmentation.common.validation import (
     block_dtype,
     checked_form,
+    unpadded_dtype,
     without_infinities,
+    without_padding,
 )
 
 Box = tuple[slice, slice, slice]
@@ -34,11 +36,14 @@ class Source:
         Voxels z y x.
     lock : threading.Lock
         Held while reading: not every store may be read by two threads at once.
+    padding : float, optional
+        The value that is read as NaN; see `padding_of`.
     """
 
     array: Any
     shape: tuple[int, int, int]
     lock: Lock
+    padding: float | None = None
 
     @property
     def size(self) -> int:
@@ -48,13 +53,15 @@ class Source:
     @property
     def dtype(self) -> np.dtype[Any]:
         """Type in which blocks are read: the array's, in the machine's byte order."""
-        return block_dtype(np.dtype(self.array.dtype))
+        given = block_dtype(np.dtype(self.array.dtype))
+        return given if self.padding is None else unpadded_dtype(given)
 
     def read(self, box: Box) -> NDArray[Any]:
         """Return the densities in a box, not copied where the array is an ndarray."""
         with self.lock:
             block = np.asarray(self.array[box])
-        return without_infinities(block.astype(self.dtype, copy=False))
+        block = block.astype(block_dtype(block.dtype), copy=False)
+        return without_padding(without_infinities(block), self.padding)
 
 
 def source_of(volume: ArrayLike | Any) -> Source:

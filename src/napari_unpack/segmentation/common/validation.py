@@ -90,6 +90,66 @@ def without_infinities(values: NDArray[Any]) -> NDArray[Any]:
     return np.where(np.isinf(values), values.dtype.type(np.nan), values)
 
 
+_LOWEST_AIR = -1100.0
+"""CT numbers below are no air's: the background of noise-free volumes lies above, or at 0."""
+
+_LEAST_GAP = 0.2
+"""Of the smallest value, by which the others lie above it where it says that nothing was measured:
+streaks and noise reach down to their smallest value without a gap."""
+
+
+def padding_of(values: NDArray[Any]) -> float | None:
+    """Return the smallest value where it stands for "nothing measured", as outside a round slice.
+
+    It does where it is below the CT number of air and far from all others, as -2000 and -32768 are.
+
+    Parameters
+    ----------
+    values : (Z, Y, X) ndarray
+        Without infinities.
+    """
+    if values.dtype.kind != "f" and values.dtype.kind != "i":
+        return None
+    low = min((float(np.nanmin(p)) for p in values if not np.isnan(p).all()), default=0.0)
+    if not low < _LOWEST_AIR:
+        return None
+    least, most = np.inf, -np.inf
+    for plane in values:
+        above = plane[plane > low]
+        if len(above):
+            least, most = min(least, float(above.min())), max(most, float(above.max()))
+    # Of two values the smaller is the background.
+    return low if least < most and least / 2 - low / 2 > _LEAST_GAP * -low / 2 else None
+
+
+def without_padding(values: NDArray[Any], padding: float | None) -> NDArray[Any]:
+    """Return densities with NaN for what `padding_of` has found, as floats where it has.
+
+    Parameters
+    ----------
+    values : (Z, Y, X) ndarray
+    padding : float or None
+    """
+    if padding is None:
+        return values
+    floats = values.astype(unpadded_dtype(values.dtype))
+    floats[values == padding] = np.nan
+    return floats
+
+
+def unpadded_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
+    """Return the type of densities of which some become NaN.
+
+    Parameters
+    ----------
+    dtype : numpy.dtype
+        A number's; integers of 16 bits fit float32.
+    """
+    if dtype.kind == "f":
+        return dtype
+    return np.dtype(np.float32 if dtype.itemsize < 4 else np.float64)
+
+
 def _finite_range(array: NDArray[np.generic]) -> tuple[float, float]:
     """Return the smallest and largest finite value of an array."""
     if array.dtype.kind != "f":

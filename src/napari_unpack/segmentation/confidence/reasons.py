@@ -15,19 +15,42 @@ HIGH = 0.8
 # Reasons at most.
 MOST = 3
 
-# What is said of measures below and above those of usual objects; several may say the same.
-_RAGGED = "its surface is smoother than usual", "its surface is ragged"
-_MIXED = "its densities are more even than usual", "its densities are mixed"
-_STEPS = "its inside has fewer steps of density than usual", "its inside has steps of density"
-_EDGE = "its border stands out more than usual", "its border is faint"
+# Deviations from those of usual objects below which a measure is as usual, whatever it lowered.
+UNUSUAL = 1.0
+# And from which more may be said of it than that it is less or more than usual.
+EXTREME = 2.0
+
+# What is said of measures below and above those of usual objects; several may say the same. Where
+# there is nothing, that side is no fault: it lowers a confidence by what it goes along with.
+_RAGGED = "its surface is smoother than usual", "its surface is rougher than usual"
+_MIXED = "its densities are more even than usual", "its densities are more mixed than usual"
+_STEPS = (
+    "its inside has fewer steps of density than usual",
+    "its inside has more steps of density than usual",
+)
+_EDGE = "its border stands out more than usual", "its border is fainter than usual"
 _FORM = "it is rounder or fuller than usual", "it is longer or flatter than usual"
-_FULL = "it fills its outline poorly, as pieces or folds do", "it fills its outline fully"
+_FULL = "it fills its outline less than usual", "it fills its outline more than usual"
 _THIN = "it is thinner than usual", "it is thicker than usual"
-_LOBES = "it is less lobed than usual", "it comes apart into lobes, as joined things do"
-_DENSE = "its least dense parts are light", "its least dense parts are dense"
-_PEAK = "its densest parts are light", "its densest parts are very dense"
+_LOBES = "", "it is more lobed than usual"
+_DENSE = (
+    "its least dense parts are lighter than usual",
+    "its least dense parts are denser than usual",
+)
+_PEAK = "its densest parts are lighter than usual", "its densest parts are denser than usual"
+_AROUND = "", "more around it is denser than usual"
+_TWO = _MIXED[0], "it is more like two materials than usual"
+_CORE = (
+    "its core is lighter beside its rim than usual",
+    "its core is denser beside its rim than usual",
+)
+_SIDES = (
+    "its border is more alike all round than usual",
+    "its border differs more from side to side than usual",
+)
+_BLUR = "its border is more blurred than usual", "its border is sharper than usual"
 _WORDS: dict[str, tuple[str, str]] = {
-    "log_volume": ("it is very small", "it is very large"),
+    "log_volume": ("it is smaller than usual", "it is larger than usual"),
     "compactness": _RAGGED,
     "solidity": _FULL,
     "box_fill": _FULL,
@@ -41,20 +64,20 @@ _WORDS: dict[str, tuple[str, str]] = {
     "roughness": _RAGGED,
     "lobes_30": _LOBES,
     "lobes_60": _LOBES,
-    "weak_boundary": _EDGE,
-    "dense_boundary": ("it is denser than all around it", "what is around it is denser"),
-    "weak_plane": ("it is cut off nowhere", "a flat side is cut off where nothing ends"),
+    "weak_boundary": ("", _EDGE[1]),
+    "dense_boundary": _AROUND,
+    "weak_plane": ("", "more of a flat side than usual ends where nothing else does"),
     "weighted_cut": (_EDGE[1], _EDGE[0]),
-    "low_to_high_cut": ("it is denser than all around it", "what is around it is denser"),
+    "low_to_high_cut": _AROUND,
     "high_to_low_cut": (_EDGE[1], _EDGE[0]),
     "weighted_curvature": _RAGGED,
-    "step_spread": ("its border is alike all round", "its border differs from side to side"),
+    "step_spread": _SIDES,
     "lowest": _DENSE,
     "highest": _PEAK,
-    "core_over_rim": ("its core is lighter than its rim", "its core is denser than its rim"),
-    "two_materials": (_MIXED[0], "it is of two materials"),
-    "material_cut": (_MIXED[0], "it is of two materials"),
-    "blur_index": ("its border is blurred", "its border is sharper than usual"),
+    "core_over_rim": _CORE,
+    "two_materials": _TWO,
+    "material_cut": _TWO,
+    "blur_index": _BLUR,
     "cut_over_volume": (_EDGE[1], _EDGE[0]),
     **dict.fromkeys(
         ("weighted_volume", "skew", "quartiles", "spread", "deviation", "core_quartiles"), _MIXED
@@ -63,10 +86,25 @@ _WORDS: dict[str, tuple[str, str]] = {
     "rayleigh": _STEPS,
     "contrast": _STEPS,
 }
+_EXTREMES = {
+    _WORDS["log_volume"][0]: "it is very small",
+    _WORDS["log_volume"][1]: "it is very large",
+    _RAGGED[1]: "its surface is ragged",
+    _MIXED[1]: "its densities are mixed",
+    _STEPS[1]: "its inside has steps of density",
+    _EDGE[1]: "its border is faint",
+    _FULL[0]: "it fills its outline poorly, as pieces or folds do",
+    _LOBES[1]: "it comes apart into lobes, as joined things do",
+    _PEAK[1]: "its densest parts are very dense",
+    _AROUND[1]: "what is around it is denser",
+    _WORDS["weak_plane"][1]: "a flat side is cut off where nothing ends",
+    _TWO[1]: "it is of two materials",
+    _BLUR[0]: "its border is blurred",
+}
 
 
 def reasons(oracle: Oracle, row: NDArray[np.float64]) -> tuple[str, ...]:
-    """Say what lowered the confidence of an object; empty where it is high.
+    """Say what lowered the confidence of an object; empty where it is high or nothing stands out.
 
     Parameters
     ----------
@@ -83,13 +121,16 @@ def reasons(oracle: Oracle, row: NDArray[np.float64]) -> tuple[str, ...]:
         return ()
     odds = np.log(scores / (1 - scores))
     gains = odds[1:] - odds[0]
-    found: dict[str, None] = {}
+    deviations = (row - oracle.center) / oracle.scale
+    found: dict[str, str] = {}
     for k in np.argsort(-gains).tolist():
         if gains[k] < LEAST or len(found) == MOST:
             break
-        above = int(row[k] > oracle.center[k])
-        words = _WORDS[FEATURES[k]]
+        below, above = _WORDS[FEATURES[k]]
+        words, against = (above, below) if deviations[k] > 0 else (below, above)
         # The quartiles may be narrow and the tails wide: both at once would puzzle.
-        if words[1 - above] not in found:
-            found[words[above]] = None
-    return tuple(found)
+        if not words or words in found or against in found or abs(deviations[k]) < UNUSUAL:
+            continue
+        extreme = abs(deviations[k]) >= EXTREME
+        found[words] = _EXTREMES.get(words, words) if extreme else words
+    return tuple(found.values())

@@ -46,6 +46,9 @@ def measured_section(density: NDArray[np.generic]) -> NDArray[np.bool_] | None:
     middle = (width - 1) / 2
     radius = np.hypot(y - middle, x - middle)
     slices = density[:: max(1, len(density) // 32)]
+    if slices.dtype.kind == "f":
+        # What was not measured is a constant too.
+        slices = np.nan_to_num(slices, nan=-np.inf, posinf=np.inf, neginf=-np.inf)
     corners = slices[:, radius > middle + 2.5]
     same = corners == corners.reshape(-1)[0]
     if same.mean() < PADDED or not _noisy_all_round(slices, radius, corners.reshape(-1)[0]):

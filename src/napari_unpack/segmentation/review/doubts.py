@@ -76,6 +76,8 @@ class Doubt:
     worth : float
         Bits by which labels would be better, times how likely they are wrong.
     row : (F,) ndarray of float64
+    revision : int, optional
+        Of the labels it was asked of, where a session asked.
     """
 
     kind: Kind
@@ -86,6 +88,7 @@ class Doubt:
     shipped: float
     worth: float
     row: NDArray[np.float64]
+    revision: int | None = None
 
     @property
     def doubt(self) -> float:
@@ -131,7 +134,7 @@ def doubts(
     found += _specks(evidence, objects, answers)
     if not found:
         return []
-    taught = [a for a in answers if learn and a.said in ("same", "different")]
+    taught = [a for a in answers if learn and _says_something(a)]
     model = Rescoring.of(
         np.array([a.row for a in taught]),
         np.array([a.said == "same" for a in taught]),
@@ -146,6 +149,34 @@ def doubts(
     before = np.cumsum([0.0, *asked, *(d.worth for d in made)])
     left = zip(made, before[len(asked) :], strict=False)
     return [d for d, sum_before in left if sum_before < share * before[-1]]
+
+
+def still_asked(doubt: Doubt, evidence: Evidence, labels: NDArray[np.integer[Any]]) -> bool:
+    """Return whether both sides of a doubt are what they were when it was found.
+
+    Parameters
+    ----------
+    doubt : Doubt
+    evidence : Evidence
+    labels : (Z, Y, X) ndarray of int
+        As they are now.
+    """
+    objects, one = objects_of(evidence, labels), doubt.objects[0]
+    ends = sorted(objects[list(doubt.pieces)].tolist())
+    if doubt.kind == "join":
+        # The rest of the object may have grown or shrunk.
+        return ends == [one, one] and bool((objects[doubt.side] == one).all())
+    same = np.array_equal(np.flatnonzero(objects == one), doubt.side)
+    return same and ends == sorted(doubt.objects)
+
+
+def _says_something(answer: Answer) -> bool:
+    """Return whether an answer says if both sides are one object, or if the one side is one."""
+    # Of two sides, one that is no object says nothing of how objects meet.
+    return answer.said in ("same", "different") or (answer.kind, answer.said) == (
+        "object",
+        "nothing",
+    )
 
 
 def objects_of(evidence: Evidence, labels: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
