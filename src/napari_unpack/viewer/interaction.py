@@ -15,6 +15,7 @@ from napari_unpack.geometry.axes import Matrix
 from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.layers import compat
 from napari_unpack.layers.placement import units_of, voxel_at
+from napari_unpack.session.object_state import ObjectState
 from napari_unpack.viewer.brush import Brush
 from napari_unpack.viewer.direction_arrow import Pencil
 from napari_unpack.viewer.layer_tables import describe, hint
@@ -65,6 +66,8 @@ class Interaction:
         self._tool: ClickTool | None = None
         self._target = target
         self._pointed = 0
+        # How that was and where beside the bag, when the mouse came upon it.
+        self._found: tuple[ObjectState | None, list[float]] | None = None
         # None once its name may be another.
         self._named: int | None = 0
         self._clicked: tuple[Pixel | None, int] = None, 0
@@ -171,6 +174,7 @@ class Interaction:
             return
         self._pointed = self._named = object_id
         target, session = self._target, self._target.session
+        self._found = self._whereabouts()
         words = describe(session, object_id) if object_id else ""
         for layer in target.layers:
             layer.words = words
@@ -181,8 +185,18 @@ class Interaction:
         self.selection_changed()
 
     def states_changed(self) -> None:
-        """Name what the mouse is on anew when it moves next: it may have been renamed."""
+        """Name what the mouse is on anew when it moves next: it may have been renamed.
+
+        What has gone from under the mouse is no longer pointed at, the mouse unmoved.
+        """
+        if self._pointed and self._found != self._whereabouts():
+            self.point_at(0)
         self._named = None
+
+    def _whereabouts(self) -> tuple[ObjectState | None, list[float]]:
+        session, pointed = self._target.session, self._pointed
+        pose = session.poses.get(pointed)
+        return session.states.get(pointed), [] if pose is None else pose.center.tolist()
 
     def select(self, object_id: int, modifiers: Collection[str] = ()) -> None:
         """Select an object, or add it to what is selected.
