@@ -15,7 +15,6 @@ from napari_unpack.geometry.axes import Matrix
 from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.layers import compat
 from napari_unpack.layers.placement import units_of, voxel_at
-from napari_unpack.session.object_state import ObjectState
 from napari_unpack.viewer.brush import Brush
 from napari_unpack.viewer.direction_arrow import Pencil
 from napari_unpack.viewer.layer_tables import describe, hint
@@ -66,8 +65,8 @@ class Interaction:
         self._tool: ClickTool | None = None
         self._target = target
         self._pointed = 0
-        # How that was and where beside the bag, when the mouse came upon it.
-        self._found: tuple[ObjectState | None, list[float]] | None = None
+        # How things were when the mouse came upon it.
+        self._found: tuple[object, ...] = ()
         # None once its name may be another.
         self._named: int | None = 0
         self._clicked: tuple[Pixel | None, int] = None, 0
@@ -187,16 +186,18 @@ class Interaction:
     def states_changed(self) -> None:
         """Name what the mouse is on anew when it moves next: it may have been renamed.
 
-        What has gone from under the mouse is no longer pointed at, the mouse unmoved.
+        What has gone from under the mouse, or was dimmed for an inspection, is no longer pointed
+        at, the mouse unmoved.
         """
         if self._pointed and self._found != self._whereabouts():
             self.point_at(0)
         self._named = None
 
-    def _whereabouts(self) -> tuple[ObjectState | None, list[float]]:
+    def _whereabouts(self) -> tuple[object, ...]:
         session, pointed = self._target.session, self._pointed
         pose = session.poses.get(pointed)
-        return session.states.get(pointed), [] if pose is None else pose.center.tolist()
+        center = () if pose is None else tuple(pose.center)
+        return session.states.get(pointed), session.state.inspected, center
 
     def select(self, object_id: int, modifiers: Collection[str] = ()) -> None:
         """Select an object, or add it to what is selected.
