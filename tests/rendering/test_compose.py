@@ -3,6 +3,7 @@
 import tracemalloc
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -18,7 +19,7 @@ from napari_unpack.io.images import straight_bytes
 from napari_unpack.memory import PICTURE_BYTES
 from napari_unpack.rendering import compose, object_casting
 from napari_unpack.rendering.image_patch import ImagePatch
-from napari_unpack.rendering.rulers import Ruler
+from napari_unpack.rendering.rulers import Ruler, number_places, strokes_of
 from napari_unpack.rendering.scene import Scene, SceneDifference
 from napari_unpack.session import Session
 from napari_unpack.simulation import simulate_bag
@@ -268,6 +269,26 @@ def test_an_angle_seen_along_its_own_line_is_drawn(direction) -> None:
     assert np.isfinite(image).all()
     # Its numbers stand somewhere.
     assert (np.abs(image - plain).max(axis=-1) > 0.1).sum() > 50
+
+
+@pytest.mark.parametrize("angle", [1.0, 25.0, 60.0, 90.0, 179.0, 180.0])
+@pytest.mark.parametrize("turn", [0.0, 35.0, 90.0, 215.0])
+def test_numbers_cover_neither_each_other_nor_the_lengths_their_lines(angle, turn) -> None:
+    ways = np.radians([turn, turn + angle])
+    sides = np.array([[80.0], [60.0]]) * np.stack([np.sin(ways), np.cos(ways)], axis=1)
+    middle = np.array([150.0, 200.0])
+    drawn = [np.array([middle + sides[0], middle, middle + sides[1]])]
+    drawn.append(np.array([middle + sides[0] / 2, middle + sides[1] / 2]))
+    boxes = [[(14.0, 50.0)] * 3, [(14.0, 50.0)]]
+    places = number_places(drawn, boxes, (300, 400), 1.0)
+    every = np.array([place for each in places for place in each])
+    apart = np.abs(every[:, None] - every) >= np.array([14.0, 50.0])
+    assert (apart.any(axis=-1) | np.eye(4, dtype=bool)).all()
+    for pixels, numbers, lengths in zip(drawn, places, (2, 1), strict=True):
+        along = strokes_of(pixels, 1.0)[2 * len(pixels)]
+        points = np.concatenate([np.linspace(a, b, 99) for a, b in pairwise(along)])
+        for number in numbers[:lengths]:
+            assert (np.abs(points - number) > np.array([7.0, 25.0])).any(axis=1).all()
 
 
 @pytest.mark.parametrize("spacing", [1.0, 1e7, 1e9])

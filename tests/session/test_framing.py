@@ -36,7 +36,9 @@ def share(session: Session) -> float:
     """Return the bag's picture, of the window's shorter side; all sprites are in the window."""
     rows, cols = session.canvas_size
     camera = fitted(session)
-    half = np.array([1.0, cols / rows]) * camera.height / 2
+    # With a margin at the edge.
+    half = np.array([1.0, cols / rows]) / 2 - 0.02 * min(1.0, cols / rows)
+    half *= camera.height
     for pose in session.poses.values():
         side = session.slots.cell_mm / 2
         assert (np.abs(pose.center[1:]) + side <= half + 1e-6).all()

@@ -64,7 +64,8 @@ def test_all_slots_lie_in_the_window_whatever_its_shape(count, radius, size, fov
 @pytest.mark.parametrize("size", [(600, 800), (600, 1100), (768, 1024), (1080, 1920), (1100, 700)])
 def test_thirty_objects_all_find_room_in_every_usual_window(size):
     centers, side = pixels(arrange(30, 150.0, size), size, 0.0)
-    assert within(centers, side, size).sum() == 30
+    # With a margin at the edge.
+    assert within(centers, side + 0.04 * min(size), size).sum() == 30
 
 
 def test_sprites_shrink_only_where_the_window_has_no_room_and_no_more_than_needed():

@@ -211,6 +211,32 @@ def test_a_persons_own_zoom_is_never_changed(window: Window) -> None:
     assert window.outside() == []
 
 
+def test_a_persons_own_perspective_is_never_changed(window: Window) -> None:
+    camera, controller = window.viewer.scene.camera, window.controller
+    packed = window.session.ids[-1]
+
+    def inspect_and_leave() -> None:
+        controller.inspect(packed)
+        window.rest()
+        # Also where it is changed in an inspection.
+        camera.perspective = 25.0
+        window.rest()
+        controller.leave()
+
+    for wanted, command in (
+        (40.0, controller.unpack),
+        (40.0, controller.undo),
+        (25.0, inspect_and_leave),
+    ):
+        camera.perspective = wanted
+        window.rest()
+        command()
+        controller.finish()
+        window.rest()
+        assert camera.perspective == pytest.approx(wanted)
+        assert window.outside() == []
+
+
 @pytest.mark.parametrize("glides", [True, False])
 def test_a_side_chosen_in_slices_is_seen_when_the_bag_comes_back(
     window: Window, glides: bool

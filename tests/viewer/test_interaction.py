@@ -363,8 +363,29 @@ def test_an_object_that_is_renamed_under_the_mouse_is_named_so_at_its_next_movem
     viewer, controller = staged
     controller.interaction.point_at(2)
     session.rename(2, "Kettle")
+    assert controller.interaction.pointed == 2
     controller.interaction.point_at(2)
     assert viewer.status.startswith("Kettle")
+
+
+def test_nothing_is_pointed_at_that_has_gone_from_under_the_mouse(staged, session, qtbot) -> None:
+    viewer, controller = staged
+    interaction, ghost = controller.interaction, controller.overlays.ghost
+    interaction.point_at(1)
+    controller.unpack([1])
+    assert interaction.pointed == 0
+    assert viewer.status == "Ready"
+    controller.finish()
+    # Beside the bag its ghost is shown, until something else is inspected.
+    interaction.point_at(1)
+    at_rest(controller, qtbot)
+    assert ghost.quads_at(controller.frame)
+    session.rename(3, "Ball")
+    assert interaction.pointed == 1
+    controller.inspect(3)
+    assert interaction.pointed == 0
+    at_rest(controller, qtbot)
+    assert not ghost.quads_at(controller.frame)
 
 
 def test_the_status_bar_names_what_is_under_the_mouse_now(

@@ -8,7 +8,13 @@ import pytest
 
 from napari_unpack.session import ObjectState, Session
 from napari_unpack.viewer.controller import SessionController
-from napari_unpack.viewer.overlays import INTERLOCKED, LEAST_OCCLUDED, UNPACKABLE, Outlined
+from napari_unpack.viewer.overlays import (
+    INTERLOCKED,
+    LEAST_OCCLUDED,
+    LEAVING_FIRST,
+    UNPACKABLE,
+    Outlined,
+)
 from viewer_fixtures import canvas
 
 
@@ -89,6 +95,13 @@ def test_where_nobody_can_leave_the_least_blocked_is_outlined() -> None:
     assert marks.inks(packed, [(1, 3)]) == {1: INTERLOCKED, 3: INTERLOCKED}
     assert marks.inks(packed, []) == {}
     assert Outlined().inks(packed, [], 2) == {}
+
+
+def test_a_dozen_who_must_leave_are_outlined_and_more_would_drown_what_is_looked_for() -> None:
+    packed = frozenset(range(1, 20))
+    few, many = frozenset(range(2, 14)), frozenset(range(2, 15))
+    assert Outlined(leaving=few, buried=1).inks(packed) == dict.fromkeys(few, LEAVING_FIRST)
+    assert Outlined(True, leaving=many, buried=1).inks(packed, [(15,)]) == {}
 
 
 def test_outlines_go_with_the_picture_they_are_of(shown: Any, qtbot: Any) -> None:

@@ -77,6 +77,21 @@ def test_one_key_answers_is_applied_at_once_and_undone(
     shown = [tuple(int(name[k : k + 2], 16) for k in (1, 3, 5)) for name in colors]
     assert any(r > 2 * b for r, _, b in shown)
     assert any(b > 2 * r for r, _, b in shown)
+    # Two squares on one background with a gap between, and in the first both sides are large.
+    rgba = np.array(
+        [
+            [image.pixelColor(x, y).getRgb() for x in range(image.width())]
+            for y in range(image.height())
+        ]
+    )
+    side = len(rgba)
+    first, between, second = np.split(rgba, [side, -side], axis=1)
+    assert not between.any()
+    assert 2 < between.shape[1] < 10
+    assert (np.concatenate([first, second])[..., 3] == 255).all()
+    assert (first[0, :, :3] == 0).all()
+    lit = first[..., :3].max(axis=-1) > 40
+    assert 0.8 * side < max(np.ptp(np.flatnonzero(lit.any(axis=k))) for k in (0, 1)) < side - 2
 
     qtbot.keyClick(canvas, Qt.Key.Key_D)
     qtbot.waitUntil(lambda: len(session.ids) == 3, timeout=20000)

@@ -125,8 +125,17 @@ def test_a_step_names_all_who_leave_together(
     _knot(viewer, panel, qtbot)
     panel.unpack.direction.setCurrentText("Left (−x)")
     panel.commands.unpack(1)
-    said = "Step 1 of 1: Objects 1 and 2"
-    qtbot.waitUntil(lambda: panel.unpack.step_slider.sentence.text() == said, timeout=20000)
+    said, sentence = "Step 1 of 1: Objects 1 and 2", panel.unpack.step_slider.sentence
+    qtbot.waitUntil(lambda: sentence.text() == said, timeout=20000)
+    assert sentence.toolTip() == ""
+    # A word that is longer than a line loses its middle, and stands whole in the tooltip.
+    panel.commands.rename(1, "R" + 150 * "e" + "d")
+    qtbot.waitUntil(lambda: "…" in sentence.text(), timeout=5000)
+    assert sentence.text().endswith("d and Object 2")
+    assert "R" + 150 * "e" + "d" in sentence.toolTip()
+    measure = sentence.fontMetrics()
+    words = sentence.text().split(" ")
+    assert max(map(measure.horizontalAdvance, words)) <= sentence.width()
 
 
 def test_the_demos_picture_of_the_window_waits_until_nothing_is_looked_for(

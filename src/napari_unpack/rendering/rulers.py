@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +25,17 @@ FAINT = 0.75
 WIDTH, CROSS, ARC, AWAY, LETTERS = 2.0, 4.0, 26.0, 4.0, 14
 ARC_LINES = 12
 
+# Of an angle's side: how far out its length stands.
+OUT = 2 / 3
+# Logical pixels: a step along its line of a number that another one is in the way of; and in which
+# order these are tried.
+PUSH, STEPS = 3.0, (0, *(step for n in range(1, 40) for step in (n, -n)))
+
 # mm. Squares of what is much farther are no numbers.
 FARTHEST = 1e100
 
 Pixels = NDArray[np.float64]
+DIAGONAL: Pixels = np.full(2, 0.5**0.5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,16 +129,14 @@ def with_rulers(image: Image, drawn: Sequence[tuple[Pixels, Sequence[str]]], lig
         image = _over(image, stroke_cover(strokes, size, half * scale), ink)
     font = ImageFont.load_default(size=max(9, round(LETTERS * scale)))
     assert isinstance(font, ImageFont.FreeTypeFont), "a size was asked for"
+    boxes = [[(font.size, font.getlength(words)) for words in numbers] for _, numbers in drawn]
+    middles = number_places([pixels for pixels, _ in drawn], boxes, size, scale)
     inks = (LIGHT, DARK) if light else (DARK, LIGHT)
     for rim, ink in ((max(1, round(scale)), (*inks[0], FAINT)), (0, (*inks[1], 1.0))):
         canvas = Pillow.new("L", (size[1], size[0]))
         pen = ImageDraw.Draw(canvas)
-        for pixels, numbers in drawn:
-            for words, (spot, way) in zip(numbers, number_spots(pixels, scale), strict=True):
-                half_size = np.array([font.size, font.getlength(words)]) / 2
-                row, col = spot + way * (AWAY * scale + half_size)
-                # A number outside the picture could not be read.
-                row, col = np.clip((row, col), half_size, np.array(size) - half_size)
+        for (_, numbers), places in zip(drawn, middles, strict=True):
+            for words, (row, col) in zip(numbers, places, strict=True):
                 write(pen, float(col), float(row) + font.size / 3, words, font, rim)
         image = _over(image, np.asarray(canvas, np.float32) / np.float32(255), ink)
     return image
@@ -145,33 +150,77 @@ def _over(
     return laid
 
 
-def number_spots(pixels: Pixels, scale: float) -> list[tuple[Pixels, Pixels]]:
-    """Return where numbers stand: for each side, then an angle's, a point and the way from it.
+def number_places(
+    drawn: Sequence[Pixels],
+    boxes: Sequence[Sequence[tuple[float, float]]],
+    size: tuple[int, int],
+    scale: float,
+) -> list[list[Pixels]]:
+    """Return where the numbers of measurements stand, clear of their lines and of each other.
 
     Parameters
     ----------
-    pixels : (N, 2) ndarray of float64
-        Points of a measurement.
+    drawn : sequence of (N, 2) ndarray of float64
+        Points of each.
+    boxes : sequence of sequence of (float, float)
+        Height and width of the numbers of each: its lengths, then an angle.
+    size : (int, int)
+        Height and width of the image, pixels.
     scale : float
-        Device pixels of a logical pixel.
+        Pixels of a logical pixel.
+
+    Returns
+    -------
+    list of list of (2,) ndarray of float64
+        The middle of every number, row and column.
     """
-    middles = [(a + b) / 2 for a, b in pairwise(pixels)]
-    if len(pixels) == 2:
-        return [(middles[0], np.ones(2))]
-    sides = pixels[[0, 2]] - pixels[1]
-    sides /= np.maximum(np.linalg.norm(sides, axis=1, keepdims=True), 1e-9)
-    inwards = sides.sum(axis=0)
-    if np.linalg.norm(inwards) < 1e-3:
-        # Of a straight angle both sides are inside.
-        inwards = np.array([sides[0, 1], -sides[0, 0]])
-    length = np.linalg.norm(inwards)
-    # Seen along their own line three points are one pixel: any way will do.
-    inwards = inwards / length if length > 0 else np.full(2, 0.5**0.5)
-    # Lengths stand outside, where the angle's number is not.
+    taken: list[NDArray[np.float64]] = []
+
+    def is_free(middle: Pixels, half: Pixels) -> bool:
+        return all((np.abs(middle - at[:2]) >= half + at[2:]).any() for at in taken)
+
+    def place(spot: Pixels, way: Pixels, along: Pixels, half: Pixels) -> Pixels:
+        beside = spot + way * (AWAY * scale + float(np.abs(way) @ half))
+        # A number outside the window could not be read.
+        most = np.maximum(np.array(size) - half, half)
+        tried = (np.clip(beside + step * PUSH * scale * along, half, most) for step in STEPS)
+        first = next(tried)
+        found = next((at for at in chain([first], tried) if is_free(at, half)), first)
+        taken.append(np.concatenate([found, half]))
+        return found
+
     return [
-        *((middle, -inwards) for middle in middles),
-        (pixels[1] + ARC * scale * inwards, inwards),
+        [
+            place(*spot, np.array(box) / 2)
+            for box, spot in zip(numbers, _spots(pixels, scale), strict=True)
+        ]
+        for pixels, numbers in zip(drawn, boxes, strict=True)
     ]
+
+
+def _spots(pixels: Pixels, scale: float) -> list[tuple[Pixels, Pixels, Pixels]]:
+    """Return a point, the way from it and that of its line, for each side and then an angle."""
+    if len(pixels) == 2:
+        along = _unit(pixels[1] - pixels[0])
+        beside = np.array([along[1], -along[0]])
+        # Below a line, or at its right.
+        return [(pixels.mean(axis=0), beside if beside.sum() > 0 else -beside, along)]
+    sides = [_unit(end - pixels[1]) for end in pixels[[0, 2]]]
+    beside = np.array([sides[0][1], -sides[0][0]])
+    # Of a straight angle both sides are inside.
+    inwards = _unit(sides[0] + sides[1], beside)
+    spots = []
+    for own, other, end in zip(sides, sides[::-1], pixels[[0, 2]], strict=True):
+        # Lengths stand outside, where the angle's number is not, and away from each other.
+        outwards = _unit(own * (own @ other) - other, -beside)
+        spots.append((pixels[1] + OUT * (end - pixels[1]), outwards, own))
+    return [*spots, (pixels[1] + ARC * scale * inwards, inwards, inwards)]
+
+
+def _unit(way: Pixels, otherwise: Pixels = DIAGONAL) -> Pixels:
+    """Return a direction, and another one where there is none: of points that are one pixel."""
+    length = float(np.linalg.norm(way))
+    return way / length if length > 1e-3 else otherwise
 
 
 def arc(pixels: Pixels, radius: float) -> Pixels:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import box_corners
 from napari_unpack.geometry.view import Camera
-from napari_unpack.unpacking.slots import GAP, Slots
+from napari_unpack.unpacking.slots import Slots, margin_pixels
 
 if TYPE_CHECKING:
     from napari_unpack.session.session import Session
@@ -51,20 +51,20 @@ def fitted(
     slots = session.slots
     # Half a height of the window that is needed for what reaches so far down, or right.
     upright = np.array([1.0, rows / cols])
-    gap = GAP * slots.height_mm / rows
-    radius = slots.bag_radius_px * slots.height_mm / rows + gap
+    margin = _margin(session)
+    radius = slots.bag_radius_px * slots.height_mm / rows + margin
     silhouette = session.bag.silhouette
     longer = float(np.ptp(_away(session, camera, silhouette)[:, 1:], axis=0).max())
     # A round bag fits at every turn. A flat or long one may reach over the edge as it is turned:
     # it would be small else in nearly every view.
     least = longer / (2 * SHARE_OF_BAG) * rows / min(rows, cols)
     least = min(float(radius * upright.max()), least)
-    half = [max(least, _reach(session, camera, silhouette, gap))]
-    half += [_half_height(center, slots, gap, upright) for center in _out(session)]
+    half = [max(least, _reach(session, camera, silhouette, margin))]
+    half += [_half_height(center, slots, margin, upright) for center in _out(session)]
     around = [] if drawn is None else [drawn]
     if session.decorations.box:
         around.append(box_corners(session.bag.lower, session.bag.upper))
-    half += [_reach(session, camera, points, gap) for points in around if len(points)]
+    half += [_reach(session, camera, points, margin) for points in around if len(points)]
     return replace(camera, center=session.bag.center, height=2 * max(half))
 
 
@@ -80,8 +80,8 @@ def height_with(session: Session, ids: Iterable[int]) -> float:
     """
     rows, cols = session.canvas_size
     slots, poses = session.slots, session.poses
-    gap, upright = GAP * slots.height_mm / rows, np.array([1.0, rows / cols])
-    return 2 * max(_half_height(poses[i].center, slots, gap, upright) for i in ids)
+    margin, upright = _margin(session), np.array([1.0, rows / cols])
+    return 2 * max(_half_height(poses[i].center, slots, margin, upright) for i in ids)
 
 
 def drawn_back(session: Session, camera: Camera, ids: Iterable[int]) -> Camera:
@@ -130,12 +130,18 @@ def alike(a: Camera, b: Camera) -> bool:
     return abs(a.height / b.height - 1) <= ALIKE and apart <= ALIKE * b.height
 
 
+def _margin(session: Session) -> float:
+    """Return how far from the window's edge things are to stand, mm."""
+    rows, cols = session.canvas_size
+    return margin_pixels(rows, cols) * session.slots.height_mm / rows
+
+
 def _half_height(
-    center: NDArray[np.float64], slots: Slots, gap: float, upright: NDArray[np.float64]
+    center: NDArray[np.float64], slots: Slots, margin: float, upright: NDArray[np.float64]
 ) -> float:
     """Return half the height in which what waits at a place, pivot space, has room."""
     # All of its cell: turned by hand it may come to fill that.
-    reach = np.abs(center[1:]) + slots.cell_mm / 2 + gap
+    reach = np.abs(center[1:]) + slots.cell_mm / 2 + margin
     return float((reach * upright).max())
 
 
@@ -144,13 +150,13 @@ def _away(session: Session, camera: Camera, points: NDArray[np.float64]) -> NDAr
     return np.asarray((points - session.bag.center) @ camera.linear.T)
 
 
-def _reach(session: Session, camera: Camera, points: NDArray[np.float64], gap: float) -> float:
+def _reach(session: Session, camera: Camera, points: NDArray[np.float64], margin: float) -> float:
     """Return half the height in which world points have room."""
     rows, cols = session.canvas_size
     away = _away(session, camera, points)
     # In perspective the view is narrower where it is nearer to the eye.
     narrower = away[:, :1] * np.tan(np.radians(camera.fov) / 2)
-    return float(((np.abs(away[:, 1:]) + gap) * (1.0, rows / cols) + narrower).max())
+    return float(((np.abs(away[:, 1:]) + margin) * (1.0, rows / cols) + narrower).max())
 
 
 def _out(session: Session) -> list[np.ndarray]:

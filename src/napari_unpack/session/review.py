@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from napari_unpack.appearance.decorations import Decorations
 from napari_unpack.appearance.tints import Rgba
 from napari_unpack.geometry.axes import triple
 from napari_unpack.geometry.boxes import LabelBoxes
-from napari_unpack.geometry.view import GRAVITY_UP, View
+from napari_unpack.geometry.view import GRAVITY_UP, Camera, View
 from napari_unpack.rendering.compose import scene_image
 from napari_unpack.rendering.slice_image import PLANES, slice_image, window_for
 from napari_unpack.segmentation.repair import LabelEdit, edit_of_answer
@@ -29,13 +30,20 @@ from napari_unpack.tasks import Task
 if TYPE_CHECKING:
     from napari_unpack.session.document import Document
     from napari_unpack.session.label_edits import EditedLabels, LabelEditor
+<<<<<<< HEAD
     from napari_unpack.session.labels import LabelData
+=======
+    from napari_unpack.session.session import Session
+>>>>>>> mend4
 
 # Of the first side and the second, told apart also where red looks green (Okabe and Ito 2008).
 FIRST: Rgba = (0.90, 0.62, 0.0, 1.0)
 SECOND: Rgba = (0.0, 0.45, 0.70, 1.0)
 # Voxels from the contact to the edge of a close-up, at least and at most.
 NEAREST, FURTHEST = 12, 48
+# Behind both pictures of a close-up, as air is in slices. Between them, of a side; and of its
+# picture, how much of it both sides fill in 3D.
+BLACK, BETWEEN, FILLED = "#000000", 1 / 34, 0.92
 
 
 @dataclass(frozen=True)
@@ -141,7 +149,7 @@ class Review:
         ----------
         doubt : Doubt
         side : int
-            Pixels: of each of its two pictures.
+            Pixels: of each of its two square pictures, between which nothing is drawn.
         """
         evidence, data = self.evidence, self._doc.label_data
         volume, mm = self._doc.volume, self._doc.spacing
@@ -214,7 +222,7 @@ def _close_by(
 def _drawn(
     volume: NDArray[Any], near: _CloseUp, mm: NDArray[np.float64], side: int
 ) -> NDArray[np.uint8]:
-    """Draw both sides in 3D, and beside it the slice through where they meet; (H, 2 H, 4)."""
+    """Draw both sides in 3D, and beside it the slice through where they meet, RGBA."""
     from napari_unpack.session.session import Session
 
     # As clay: what is shown is shape, and the slice beside it shows the densities.
@@ -231,7 +239,8 @@ def _drawn(
         looking = np.array([1.0, 0.0, 0.0])
     session.view = View(triple(looking / np.linalg.norm(looking)))
     scene = replace(session.scene(), colors={1: FIRST, 2: SECOND})
-    solid = scene_image(scene, session.camera, (side, side), backend="cpu")
+    around = Decorations.of(BLACK)
+    solid = scene_image(scene, _close(session), (side, side), backend="cpu", decorations=around)
     solid = np.clip(np.rint(255 * np.asarray(solid)), 0, 255).astype(np.uint8)
     # The plane that cuts both sides: across lies in it as well as it can.
     plane = min(PLANES, key=lambda p: abs(float(across[p.normal])))
@@ -242,6 +251,17 @@ def _drawn(
     size = np.maximum(np.rint(side * lengths / lengths.max()).astype(int), 1)
     spots = [np.arange(n) * old // n for n, old in zip(size, flat.shape, strict=False)]
     canvas = np.zeros((side, side, 4), np.uint8)
+    canvas[..., 3] = 255
     top, left = (side - size) // 2
     canvas[top : top + size[0], left : left + size[1]] = flat[np.ix_(*spots)]
-    return np.concatenate([solid, canvas], axis=1)
+    between = np.zeros((side, max(1, round(BETWEEN * side)), 4), np.uint8)
+    return np.concatenate([solid, between, canvas], axis=1)
+
+
+def _close(session: Session) -> Camera:
+    """Return a session's camera where what it sees, orthographically, fills a square picture."""
+    camera = session.camera
+    seen = (session.bag.silhouette - camera.center) @ camera.rotation.T
+    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
+    height = float(np.ptp(seen[:, 1:], axis=0).max()) / FILLED
+    return replace(camera, center=camera.center + middle @ camera.rotation, height=height)

@@ -21,6 +21,8 @@ LEAST_PIXELS = 64
 MOST_INSIDE = 256
 # Least distance in pixels between sprites, from the bag and from the window's edge.
 GAP = 8
+# Least distance from the edge, of the window's shorter side: in a large window it looks like none.
+MARGIN = 0.02
 # Least radius of the bag's circle, in the window's shorter side, for the sake of sprites.
 LEAST_BAG = 0.27
 
@@ -89,6 +91,17 @@ class Slots:
         """
         away = np.abs(self.centers[:, 1:] - center[1:]).max(axis=1)
         return frozenset(np.flatnonzero(away < (self.cell_mm + side_mm) / 2).tolist())
+
+
+def margin_pixels(height: float, width: float) -> float:
+    """Return the least distance of what is fitted into a window from its edge, pixels.
+
+    Parameters
+    ----------
+    height, width : float
+        Of the window.
+    """
+    return max(GAP, MARGIN * min(height, width))
 
 
 def room_for(taken: int, most: int) -> int:
@@ -195,21 +208,28 @@ def _plan(
 ) -> tuple[float, float, float] | None:
     """Return side, radius and gap where `count` cells fit outside a bag that is large enough."""
     short = min(height, width)
+    edge = _edge(height, width, gap)
     # The bag may grow up to the nearest of the cells that are needed.
     reach = np.sort(_nearest(_grid(height, width, side, gap), side))[::-1] - gap
     if len(reach) < count:
         return None
-    radius = min([most, short / 2 - gap, *reach[max(count - 1, 0) : count]])
+    radius = min([most, short / 2 - edge, *reach[max(count - 1, 0) : count]])
     return (float(side), float(radius), gap) if radius >= LEAST_BAG * short else None
+
+
+def _edge(height: float, width: float, gap: float) -> float:
+    """Return the distance of cells from the window's edge; it shrinks as the gap does."""
+    return margin_pixels(height, width) * min(1.0, gap / GAP)
 
 
 def _grid(height: float, width: float, side: float, gap: float) -> NDArray[np.float64]:
     """Return (n, 2) centres, row and column from the window's middle, of the cells that fit."""
     axes = []
+    edge = _edge(height, width, gap)
     for length in (height, width):
-        n = max(0, int((length - gap) // (side + gap)))
+        n = max(0, int((length - 2 * edge + gap) // (side + gap)))
         # Columns are spread so that the outermost stand at the window's edge.
-        room = length - 2 * gap - side
+        room = length - 2 * edge - side
         axes.append(np.linspace(-room / 2, room / 2, n) if n > 1 else np.zeros(n))
     rows, columns = np.meshgrid(*axes, indexing="ij")
     return np.stack([rows.ravel(), columns.ravel()], axis=1)

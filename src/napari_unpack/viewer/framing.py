@@ -228,7 +228,7 @@ class Framing:
     def leave_inspection(self) -> None:
         """Glide back, while the object goes back."""
         if self._before is not None:
-            self._go(self._before.seen)
+            self._go(_as_deep(self._viewer, self._before.seen))
 
     def end_inspection(self) -> None:
         """Be back where the inspection began."""
@@ -237,15 +237,13 @@ class Framing:
         self._stop()
         before, self._before = self._before, None
         self._target = before.target
-        # The perspective may have been changed meanwhile.
-        camera = self._viewer.scene.camera
-        perspective = float(camera.perspective)
         if before.view is None or self._viewer.dims.ndisplay != 3:
-            self._look(replace(before.seen, fov=perspective))
+            self._look(_as_deep(self._viewer, before.seen))
         else:
             # Its own numbers, which no rounding has moved.
             self._set, self._late = before.seen, False
-            replace(before.view, perspective=perspective).give_back(camera)
+            camera = self._viewer.scene.camera
+            replace(before.view, perspective=float(camera.perspective)).give_back(camera)
         self.follow()
 
     def catch_up(self, finish: bool = False) -> None:
@@ -296,14 +294,14 @@ class Framing:
         if resized and given is not None and kept and self._untouched():
             # The window is still being laid out: as much is to be seen as when it was saved.
             self._size = session.canvas_size
-            self._look_given(given.camera, given.window)
+            self._look_given(_as_deep(self._viewer, given.camera), given.window)
             return
         # Before the size is taken over, by which it is known whether a person has zoomed.
         if self._before is not None or not self.is_fit or self._fit is None:
             return
         self._size = session.canvas_size
         # As near as it was turned then: to turn the bag brings it no nearer.
-        wanted = self._fitted(self._fit)
+        wanted = self._fitted(_as_deep(self._viewer, self._fit))
         if resized or not alike(wanted, self._fit):
             self._go_fit(replace(wanted, rotation=self._seen.rotation), glides=not resized)
 
@@ -363,7 +361,7 @@ class Framing:
         if self._before is not None and inspected is not None:
             packed = inspected not in self._session.state.placements
             near = _near(self._session, self._seen, inspected)
-            self._go(near if packed else self._before.seen, origin=origin)
+            self._go(near if packed else _as_deep(self._viewer, self._before.seen), origin=origin)
             return
         self._fit = camera
         self._go(camera, glides, origin)
@@ -401,6 +399,11 @@ class Framing:
     def _stop(self) -> None:
         self._glide = None
         self.animation.stop()
+
+
+def _as_deep(viewer: napari.Viewer, camera: Camera) -> Camera:
+    """Return a camera with the perspective of a viewer's, which a person may have changed."""
+    return replace(camera, fov=float(viewer.scene.camera.perspective))
 
 
 def _pixels(viewer: napari.Viewer) -> tuple[int, int]:

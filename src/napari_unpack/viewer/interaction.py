@@ -65,6 +65,8 @@ class Interaction:
         self._tool: ClickTool | None = None
         self._target = target
         self._pointed = 0
+        # How things were when the mouse came upon it.
+        self._found: tuple[object, ...] = ()
         # None once its name may be another.
         self._named: int | None = 0
         self._clicked: tuple[Pixel | None, int] = None, 0
@@ -171,6 +173,7 @@ class Interaction:
             return
         self._pointed = self._named = object_id
         target, session = self._target, self._target.session
+        self._found = self._whereabouts()
         words = describe(session, object_id) if object_id else ""
         for layer in target.layers:
             layer.words = words
@@ -181,8 +184,20 @@ class Interaction:
         self.selection_changed()
 
     def states_changed(self) -> None:
-        """Name what the mouse is on anew when it moves next: it may have been renamed."""
+        """Name what the mouse is on anew when it moves next: it may have been renamed.
+
+        What has gone from under the mouse, or was dimmed for an inspection, is no longer pointed
+        at, the mouse unmoved.
+        """
+        if self._pointed and self._found != self._whereabouts():
+            self.point_at(0)
         self._named = None
+
+    def _whereabouts(self) -> tuple[object, ...]:
+        session, pointed = self._target.session, self._pointed
+        pose = session.poses.get(pointed)
+        center = () if pose is None else tuple(pose.center)
+        return session.states.get(pointed), session.state.inspected, center
 
     def select(self, object_id: int, modifiers: Collection[str] = ()) -> None:
         """Select an object, or add it to what is selected.

@@ -36,6 +36,9 @@ LEAVING_FIRST = Ink((0.45, 0.9, 1.0, 0.95), width=2, fill=0.08)
 LEAST_OCCLUDED = Ink((1.0, 0.55, 0.3, 0.9), width=2)
 BURIED = Ink((1.0, 0.75, 0.2, 1.0), width=2, fill=0.3)
 
+# Of what must leave for a buried object: lines of more would drown its own.
+MOST_LEAVING = 12
+
 
 @dataclass(frozen=True)
 class Outlined:
@@ -48,7 +51,7 @@ class Outlined:
         has the least occluded object where nothing can leave.
     selected : frozenset of int
     leaving : frozenset of int
-        What must leave for the buried object.
+        What must leave for the buried object; more than a dozen have no outline.
     buried : int
         Drawn through everything before it; 0 for none.
     """
@@ -79,7 +82,8 @@ class Outlined:
         if self.unpackable and not wanted:
             inks[least] = LEAST_OCCLUDED
         if self.buried:
-            inks = dict.fromkeys(self.leaving, LEAVING_FIRST)
+            few = self.leaving if len(self.leaving) <= MOST_LEAVING else ()
+            inks = dict.fromkeys(few, LEAVING_FIRST)
         inks |= dict.fromkeys(self.selected, SELECTED)
         inks.pop(self.buried, None)
         return {i: ink for i, ink in inks.items() if i in packed}

@@ -14,10 +14,9 @@ from napari_unpack.layers.slice_frame import SliceFrame
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.gl.depth_quads import Quad
 from napari_unpack.rendering.rulers import (
-    AWAY,
     INK,
     Pixels,
-    number_spots,
+    number_places,
     ruler_pixels,
     strokes_of,
 )
@@ -143,25 +142,23 @@ class RulerDrawing:
         scale = self._pixel_scale()
         lines = [line for pixels, _, opacity in drawn for line in lines_of(pixels, opacity, scale)]
         quads = self._lines.quads(lines, size)
-        for pixels, measured, opacity in drawn:
-            if measured is not None:
-                quads += self._numbers(pixels, measured, size, opacity)
-        return quads
+        return quads + self._numbers(drawn, size)
 
-    def _numbers(
-        self, pixels: Pixels, measured: Measurement, size: tuple[int, int], opacity: float
-    ) -> list[Quad]:
-        quads, scale = [], self._pixel_scale()
+    def _numbers(self, drawn: Sequence[Drawn], size: tuple[int, int]) -> list[Quad]:
         on_light = self._target.session.decorations.background.is_light
-        words = measured.numbers_in(self._target.session.length_unit)
-        for text, (spot, way) in zip(words, number_spots(pixels, scale), strict=True):
-            image = self._text.image(text, on_light)
-            half = np.array(image.size) / 2
-            # Clear of the line, whichever side of the number is towards it.
-            corner = spot + way * (AWAY * scale + half) - half
-            # A number outside the window could not be read.
-            row, col = np.clip(corner, 0, np.maximum(np.array(size) - image.size, 0))
-            quads.append(text_quad(image, row, col, size, opacity))
+        unit = self._target.session.length_unit
+        measured = [(pixels, one, opacity) for pixels, one, opacity in drawn if one is not None]
+        images = [
+            [self._text.image(words, on_light) for words in one.numbers_in(unit)]
+            for _, one, _ in measured
+        ]
+        boxes = [[image.size for image in numbers] for numbers in images]
+        places = number_places([done[0] for done in measured], boxes, size, self._pixel_scale())
+        quads = []
+        for (_, _, opacity), numbers, middles in zip(measured, images, places, strict=True):
+            for image, middle in zip(numbers, middles, strict=True):
+                row, col = middle - np.array(image.size) / 2
+                quads.append(text_quad(image, row, col, size, opacity))
         return quads
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 SLOT, PICTURE_SLOT = "review", "review picture"
 # Pixels: two pictures side by side fit the panel at its narrowest.
-SIDE = 138
+SIDE = 136
 # Keys that no other command of the panel has.
 KEYS: dict[str, Said] = {"S": "same", "D": "different", "X": "nothing", "K": "skip"}
 QUESTIONS = {

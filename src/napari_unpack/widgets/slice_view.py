@@ -11,7 +11,7 @@ from qtpy.QtCore import QEvent, QLineF, QPointF, QRectF, QSize, Qt, Signal
 from qtpy.QtGui import QColor, QImage, QPainter, QPen
 from qtpy.QtWidgets import QWidget
 
-from napari_unpack.rendering.rulers import AWAY, number_spots
+from napari_unpack.rendering.rulers import number_places
 from napari_unpack.rendering.slice_image import Plane
 from napari_unpack.viewer.canvas_lines import draw_lines
 from napari_unpack.viewer.canvas_text import draw_words
@@ -317,10 +317,10 @@ class SliceView(QWidget):
             )
         if self._crosshair is not None:
             self._draw_crosshair(painter, self.place_of(self._crosshair))
-            for ruler in self._rulers:
-                places = [self.place_of(voxel) for voxel in ruler.voxels]
-                pixels = np.array([[place.y(), place.x()] for place in places])
-                _draw_ruler(painter, ruler, pixels, np.array([self.height(), self.width()]))
+            places = [[self.place_of(voxel) for voxel in ruler.voxels] for ruler in self._rulers]
+            pixels = [np.array([[place.y(), place.x()] for place in each]) for each in places]
+            drawn = list(zip(pixels, self._rulers, strict=True))
+            _draw_rulers(painter, drawn, (self.height(), self.width()))
             self._draw_words(painter, self._crosshair)
         painter.setPen(QPen(INKS[self.plane.normal], 2.0 if self.hasFocus() else 0.6))
         painter.drawRect(QRectF(self.rect()).adjusted(0.5, 0.5, -0.5, -0.5))
@@ -350,19 +350,25 @@ class SliceView(QWidget):
                 painter.drawText(inside.translated(away, away), corner, text)
 
 
-def _draw_ruler(
-    painter: QPainter, ruler: RulerInSlice, pixels: NDArray[np.float64], size: NDArray[np.int64]
+def _draw_rulers(
+    painter: QPainter,
+    drawn: Sequence[tuple[NDArray[np.float64], RulerInSlice]],
+    size: tuple[int, int],
 ) -> None:
-    draw_lines(painter, lines_of(pixels, ruler.strength, 1.0), np.zeros(2), 1.0)
-    if not ruler.numbers:
-        return
-    painter.setOpacity(ruler.strength)
     font = painter.fontMetrics()
-    for words, (spot, way) in zip(ruler.numbers, number_spots(pixels, 1.0), strict=True):
-        half = np.array([font.height(), font.horizontalAdvance(words)]) / 2
-        # A number outside the slice could not be read.
-        row, col = np.clip(spot + way * (AWAY + half) - half, 0, size - 2 * half)
-        draw_words(painter, QPointF(float(col), float(row) + font.ascent()), words)
+    for pixels, ruler in drawn:
+        draw_lines(painter, lines_of(pixels, ruler.strength, 1.0), np.zeros(2), 1.0)
+    measured = [(pixels, ruler) for pixels, ruler in drawn if ruler.numbers]
+    boxes = [
+        [(font.height(), font.horizontalAdvance(words)) for words in ruler.numbers]
+        for _, ruler in measured
+    ]
+    places = number_places([pixels for pixels, _ in measured], boxes, size, 1.0)
+    for (_, ruler), numbers, middles in zip(measured, boxes, places, strict=True):
+        painter.setOpacity(ruler.strength)
+        for words, box, middle in zip(ruler.numbers, numbers, middles, strict=True):
+            row, col = middle - np.array(box) / 2
+            draw_words(painter, QPointF(float(col), float(row) + font.ascent()), words)
     painter.setOpacity(1.0)
 
 

@@ -10,12 +10,15 @@ from qtpy.QtWidgets import QHBoxLayout, QSlider, QToolButton, QWidget
 
 from napari_unpack.session.errors import listed_objects
 from napari_unpack.session.object_state import ObjectState
+from napari_unpack.viewer.plain_text import literal
 from napari_unpack.widgets.commands import Commands, objects_in
 from napari_unpack.widgets.section import column, keep_room, label
 from napari_unpack.widgets.theme import GAP
 from napari_unpack.widgets.workspace import Change, Workspace
 
 if TYPE_CHECKING:
+    from qtpy.QtGui import QResizeEvent
+
     from napari_unpack.session import Session
 
 # How often playing checks whether the last object has landed, so that the next may fly.
@@ -66,7 +69,7 @@ class StepSlider(QWidget):
         self.play.toggled.connect(self._toggle)
         workspace.switched.connect(self._reload)
         workspace.changed.connect(self._follow)
-        self._ink = DEFAULT_INK
+        self._ink, self._words = DEFAULT_INK, ""
         self._draw_icon()
         self._reload()
 
@@ -101,8 +104,22 @@ class StepSlider(QWidget):
         self.setEnabled(self.slider.maximum() > 0)
         # The next flight would end an inspection.
         self.play.setEnabled(not objects_in(session, ObjectState.INSPECTED))
-        self.sentence.setText("" if session is None else self._text(session))
-        self.sentence.setVisible(bool(self.sentence.text()))
+        self._write("" if session is None else self._text(session))
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Write the sentence for the new width."""
+        super().resizeEvent(event)
+        self._write(self._words)
+
+    def _write(self, words: str) -> None:
+        self._words, measure = words, self.sentence.fontMetrics()
+        # A line breaks between words: one that is longer than a line would be cut off.
+        middle = Qt.TextElideMode.ElideMiddle
+        fitting = [measure.elidedText(word, middle, self.width()) for word in words.split(" ")]
+        shown = " ".join(fitting)
+        self.sentence.setText(shown)
+        self.sentence.setToolTip("" if shown == words else literal(words))
+        self.sentence.setVisible(bool(words))
 
     def _unplanned(self) -> int:
         """Return how many packed objects are in no known step yet."""
