@@ -30,11 +30,8 @@ from napari_unpack.tasks import Task
 if TYPE_CHECKING:
     from napari_unpack.session.document import Document
     from napari_unpack.session.label_edits import EditedLabels, LabelEditor
-<<<<<<< HEAD
     from napari_unpack.session.labels import LabelData
-=======
     from napari_unpack.session.session import Session
->>>>>>> mend4
 
 # Of the first side and the second, told apart also where red looks green (Okabe and Ito 2008).
 FIRST: Rgba = (0.90, 0.62, 0.0, 1.0)
