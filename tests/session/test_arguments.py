@@ -57,6 +57,16 @@ def measured(object_id: Any) -> Callable[[Session], None]:
     return lambda session: session.measurements.add([SurfacePoint(object_id, at) for at in points])
 
 
+@pytest.mark.parametrize("density", [0.0, 1000.0, -2e38])
+def test_labels_that_leave_no_background_are_unpacked_without_an_image(density: float) -> None:
+    labels = np.ones((3, 4, 6), np.uint8)
+    labels[..., 3:] = 2
+    session = Session(np.full(labels.shape, density), labels)
+    session.backend = "cpu"
+    assert session.transfer_function.opacity_at(density) > 0.5
+    assert session.unpack(2) == (1, 2)
+
+
 REFUSED: dict[str, tuple[str, Callable[[Session], Any]]] = {
     "turn larger": ("rotation", turned(2 * EYE)),
     "turn mirrored": ("rotation", turned(np.diag([1.0, 1.0, -1.0]))),

@@ -22,6 +22,7 @@ from napari_unpack.rendering.scene import Scene
 from napari_unpack.session import commands, validation
 from napari_unpack.session.annotations import Annotations
 from napari_unpack.session.bag_cut import Cutting
+from napari_unpack.session.colors import first_transfer_function
 from napari_unpack.session.containers import OpenedBags
 from napari_unpack.session.delegates import Read, Setting
 from napari_unpack.session.directions import resolved
@@ -109,7 +110,7 @@ class Session:
         data = LabelData(checked, boxes, facts, given_ids)
         # Good for no view in particular, until one is chosen by what touches in it.
         hues = {i: golden_hue(i) for i in data.ids}
-        state = SessionState(TransferFunction.default_for(density), hues)
+        state = SessionState(first_transfer_function(density), hues)
         view = View()
         view_state = ViewState(view, view.camera(checked.shape, mm))
         rules = UnpackingRules()
