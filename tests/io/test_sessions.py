@@ -629,6 +629,8 @@ def test_tables_of_pandas_own_types_are_saved_and_names_in_them_change(tmp_path:
             "confidence": pd.array([0.5, None, *[0.25] * 7], "Float64"),
             "name": pd.Categorical(list("abacabaca")),
             "kind": pd.array(["cup", None, *["book"] * 7], "string"),
+            "whole": pd.Series([np.bool_(True), np.nan, *[False] * 7], range(1, 10), object),
+            "key": pd.Series([np.int64(2**60 + 1), None, *range(7)], range(1, 10), object),
         },
         index=range(1, 10),
     )
@@ -640,7 +642,10 @@ def test_tables_of_pandas_own_types_are_saved_and_names_in_them_change(tmp_path:
     assert back["confidence"].tolist()[0] == 0.5
     assert np.isnan(back["confidence"].tolist()[1])
     assert back["kind"].tolist()[0] == "cup"
-    assert pd.isna(back["kind"].tolist()[1])
+    assert back.loc[2, ["kind", "whole", "key"]].isna().all()
+    assert back["whole"].dropna().tolist() == [True, *[False] * 7]
+    assert isinstance(back["whole"].tolist()[0], bool)
+    assert back["key"].dropna().tolist() == [2**60 + 1, *range(7)]
 
 
 def test_ids_taken_from_the_labels_are_saved_like_any_other(tmp_path: Path) -> None:

@@ -131,6 +131,9 @@ def _facts(fields: Fields) -> Any:
 
 
 def _plain(value: Any) -> Any:
+    # What stands beside missing ones is left as it was given.
+    if isinstance(value, np.generic):
+        value = value.item()
     # JSON has neither NaN nor infinity.
     if isinstance(value, float) and not math.isfinite(value):
         return None
