@@ -180,8 +180,11 @@ def test_a_new_object_leaves_columns_of_numbers_what_they_are() -> None:
     facts = pd.DataFrame(
         {"score": [0.25, 0.5, 0.75], "parent": [0, 1, 1], "shelf": ["a", "b", "c"]},
         index=pd.Index([1, 2, 3], name="id"),
+    ).assign(
+        whole=[True, False, True], key=[2**60 + 1, 4, 5], day=pd.Timestamp("2026-11-28 10:00")
     )
     s = Session(volume, labels, objects=facts)
+    before = s.objects
     painted = labels.copy()
     painted[16:19, 2:5, 2:5] = 7
     s.label_editor.apply(s.label_editor.paint_task(painted).run(no_progress))
@@ -189,6 +192,12 @@ def test_a_new_object_leaves_columns_of_numbers_what_they_are() -> None:
     np.testing.assert_array_equal(s.objects["parent"].to_numpy(), [0.0, 1.0, 1.0, np.nan])
     assert s.objects["score"].dtype == s.objects["parent"].dtype == np.float64
     assert s.objects["shelf"].isna().tolist() == [False, False, False, True]
+    assert s.objects["key"].tolist()[0] == 2**60 + 1
+    s.undo()
+    pd.testing.assert_frame_equal(s.objects, before)
+    s.redo()
+    assert s.objects["whole"].tolist()[:3] == [True, False, True]
+    assert s.objects["key"].tolist()[0] == 2**60 + 1
 
 
 def test_a_stroke_on_what_is_outside_is_refused_and_the_rest_counts() -> None:

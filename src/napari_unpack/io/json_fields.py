@@ -215,7 +215,7 @@ class Fields:
     def columns(self, name: str) -> dict[str, Any]:
         """Return values by name; numbers with nulls among them are floats with NaN."""
         part = self.part(name)
-        found = {key: part.items(key) for key in part._data}
+        found: dict[str, Any] = {key: part.items(key) for key in part._data}
         for key, values in found.items():
             # JSON has no NaN: it was written as null.
             known = [v for v in values if v is not None]

@@ -442,7 +442,10 @@ class LabelData:
         # Another model's confidence would stand beside this one's: it is asked for again.
         if step.rating is not self.rating:
             come = come.assign(confidence=np.nan)
-        return _exchanged(self.facts, gone, come)
+        found = _exchanged(self.facts, gone, come)
+        # A new object without a value had made whole numbers floats: undo brings back what was.
+        # Scores are those of now.
+        return found if target else found.astype(come.dtypes.drop("confidence").to_dict())
 
     def _moved(
         self,
@@ -492,6 +495,13 @@ def _exchanged(facts: pd.DataFrame, gone: pd.DataFrame, come: pd.DataFrame) -> p
     import pandas as pd
 
     rest = facts.drop(index=gone.index)
+    # IDs of 64 bits beside missing ones stay whole, which they would not as floats.
+    large = [
+        name
+        for name, column in facts.items()
+        if column.dtype.kind in "iu" and come[name].hasnans and column.abs().max() > 2**53
+    ]
+    rest = rest.astype(dict.fromkeys(large, object))
     # Empty tables would turn whole numbers of the others into floats.
     rows = [table for table in (rest, come) if len(table)]
     return pd.concat(rows).sort_index().rename_axis("id") if rows else rest
