@@ -55,7 +55,7 @@ class Session:
     labels : (Z, Y, X) array_like of int
         Object IDs, 0 background, of at most 65,535 objects. Where one is above 65,535 the
         session numbers the objects anew; `label_of` gives the ID of old. Neither volume nor
-        uint16 labels are copied: what is written to them later is the session's as well.
+        uint16 labels are copied: give copies if you write to yours later (see `label_editor`).
     spacing : (3,) array_like
         Voxel size in mm, z y x.
     objects : DataFrame, optional
