@@ -255,6 +255,19 @@ def test_a_label_above_all_that_tables_hold_is_refused_by_its_number() -> None:
         s.label_editor.paint_task(painted).run(no_progress)
 
 
+def test_ids_above_65535_leave_a_column_label_of_ones_own_as_it_is() -> None:
+    volume, labels = dumbbell()
+    facts = pd.DataFrame({"label": ["cup", "book", "pen"]}, index=[100_000, 200_000, 300_000])
+    s = Session(volume, labels.astype(np.int64) * 100_000, objects=facts)
+    assert s.objects.label.tolist() == ["cup", "book", "pen"]
+    s.delete(2)
+    assert s.objects.label.tolist() == ["cup", "pen"]
+    painted = s.labels.astype(np.int64) * 100_000
+    painted[16:19, 2:5, 2:5] = 400_000
+    s.label_editor.apply(s.label_editor.paint_task(painted).run(no_progress))
+    assert s.objects.label.fillna("?").tolist() == ["cup", "pen", "?"]
+
+
 def test_ids_above_65535_keep_the_names_people_know() -> None:
     volume, labels = dumbbell()
     s = Session(volume, labels.astype(np.int64) * 100_000)

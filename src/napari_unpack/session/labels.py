@@ -44,7 +44,7 @@ def object_table(
         Indexed by ID. Its columns are kept, its rows of other objects dropped.
     given_ids : (M,) ndarray of int64, optional
         By ID, the one people know it by: in the index of `given`, in names, and in a column
-        `label` of the table. None where that is the ID itself.
+        `label` of the table, unless the given one has another. None where that is the ID itself.
 
     Returns
     -------
@@ -80,6 +80,8 @@ def object_table(
     if not given.index.is_unique:
         raise ValueError("objects must have each ID once in its index")
     known = _plain_columns(given.reindex(known_by).set_index(found.index))
+    if given_ids is not None and not _says_ids(known, known_by):
+        del found["label"]
     # Ground truth of simulated bags says kinds and no names.
     if "name" not in known and "kind" in known:
         found["name"] = [
@@ -93,6 +95,12 @@ def object_table(
             found[column] = given_column.where(given_column.notna(), found[column])
     extra = [column for column in known if column not in found]
     return found.join(known[extra])
+
+
+def _says_ids(table: pd.DataFrame, ids: NDArray[np.int64]) -> bool:
+    """Tell whether the column `label`, where there is one, is of IDs and not a person's own."""
+    own = table.get("label")
+    return own is None or bool((own.isna() | (own == ids)).all())
 
 
 def _names(column: pd.Series) -> pd.Series:
@@ -405,6 +413,9 @@ class LabelData:
             after = object_table(volume[box], part, local, spacing, None, given_ids)
             for k, axis in enumerate("zyx"):
                 after[axis] += low[k] * spacing[k]
+            known_by = None if self.given_ids is None else self.given_ids[self.boxes.ids]
+            if known_by is not None and not _says_ids(self.facts, known_by):
+                del after["label"]
             after = _completed(after, before, change, self.facts)
             # Where none is known, a column with a few numbers would seem to rate the others.
             if self.facts["confidence"].notna().any():
