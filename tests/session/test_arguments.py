@@ -14,6 +14,7 @@ from bags import session_of, stack_of_plates
 
 import napari_unpack as nu
 from napari_unpack.geometry.transforms import Pose
+from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session import Session
 from napari_unpack.session.bag_cut import Cutting
 from napari_unpack.session.containers import open_container
@@ -55,6 +56,10 @@ def sets(name: str, value: Any) -> Callable[[Session], None]:
 def measured(object_id: Any) -> Callable[[Session], None]:
     points = (0.0, 0.0, 0.0), (0.0, 0.0, 5.0)
     return lambda session: session.measurements.add([SurfacePoint(object_id, at) for at in points])
+
+
+def cuts(*cut: Any) -> Callable[[Session], None]:
+    return lambda session: session.set_style(1, ObjectStyle(None, cut))
 
 
 @pytest.mark.parametrize("density", [0.0, 1000.0, -2e38])
@@ -124,6 +129,18 @@ REFUSED: dict[str, tuple[str, Callable[[Session], Any]]] = {
     "open a stranger again": ("object_id must be", lambda s: s.opened_bags.open(s, 99)),
     "look larger": ("rotation", lambda s: s.look(replace(s.camera, rotation=2 * EYE))),
     "look mirrored": ("rotation", lambda s: s.look(replace(s.camera, rotation=-EYE))),
+    "look skewed": ("stretch", lambda s: s.look(replace(s.camera, stretch=np.tri(3)))),
+    "look stretched": ("stretch", lambda s: s.look(replace(s.camera, stretch=2 * EYE))),
+    "window too wide": ("canvas_size must be", sets("canvas_size", (70_000, 10))),
+    "window of 5": ("canvas_size must be", sets("canvas_size", (5,))),
+    "window 5": ("canvas_size must be", sets("canvas_size", 5)),
+    "window of halves": ("canvas_size must be", sets("canvas_size", (10.5, 20))),
+    "style soft": ("style must be", lambda s: s.set_style(1, "soft")),
+    "cut across nothing": ("normal that is not 0", cuts((0, 0, 0), (0, 0, 0))),
+    "cut at NaN": ("cut of the style must be", cuts((NAN, 0, 0), (0, 0, 1))),
+    "cut of a point": ("cut of the style must be", cuts((1, 2, 3))),
+    "first voxel in a plane": ("first_voxel_mm must be", sets("first_voxel_mm", (1, 2))),
+    "scanner of 3": ("scanner_from_scan must be", sets("scanner_from_scan", EYE)),
     "lock a stranger": ("locked_hues must be objects", sets("locked_hues", [99])),
     "names of 5": ("name must be", lambda s: s.annotations.name_and_color({1: "a", 2: 5}, {})),
 }

@@ -180,9 +180,7 @@ def test_a_new_object_leaves_columns_of_numbers_what_they_are() -> None:
     facts = pd.DataFrame(
         {"score": [0.25, 0.5, 0.75], "parent": [0, 1, 1], "shelf": ["a", "b", "c"]},
         index=pd.Index([1, 2, 3], name="id"),
-    ).assign(
-        whole=[True, False, True], key=[2**60 + 1, 4, 5], day=pd.Timestamp("2026-11-28 10:00")
-    )
+    ).assign(whole=[True, False, True], key=[2**60 + 1, 4, 5], day=pd.Timestamp("2026-11-28 10:00"))
     s = Session(volume, labels, objects=facts)
     before = s.objects
     painted = labels.copy()

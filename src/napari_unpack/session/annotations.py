@@ -12,7 +12,7 @@ from napari_unpack.session import commands
 from napari_unpack.session.document import Document
 from napari_unpack.session.labels import one_line
 from napari_unpack.session.state import FLAGS, Flag, SessionState
-from napari_unpack.session.validation import checked_kind
+from napari_unpack.session.validation import checked_kind, checked_style
 
 T = TypeVar("T")
 
@@ -129,7 +129,7 @@ class Annotations:
         style : ObjectStyle or None
         """
         document, state = self._doc, self._doc.state
-        new = commands.set_style(state, document.one(object_id), style)
+        new = commands.set_style(state, document.one(object_id), checked_style(style))
         before, after = (one.styles.get(object_id, ObjectStyle()) for one in (state, new))
         same_curve = before.transfer_function == after.transfer_function
         # While one inspects, a cut is a way of looking: it ends with that, and is no step.

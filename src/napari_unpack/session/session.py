@@ -26,7 +26,7 @@ from napari_unpack.session.colors import first_transfer_function
 from napari_unpack.session.containers import OpenedBags
 from napari_unpack.session.delegates import Read, Setting
 from napari_unpack.session.directions import resolved
-from napari_unpack.session.document import Document
+from napari_unpack.session.document import Document, begin_at, lie_in
 from napari_unpack.session.errors import NobodyFreeError, listed
 from napari_unpack.session.label_edits import EditedLabels, LabelEditor
 from napari_unpack.session.labels import LabelData, Rating, object_table
@@ -76,10 +76,8 @@ class Session:
     measurements : Measurements
     cutting : Cutting
         The cutting plane and the clipping box, which are among `clipping`.
-    scanner_from_scan, assumed : (4, 4) ndarray of float64 or None, tuple of str
-        As in a `Scan`: where its surfaces belong, and what its file does not say.
-    first_voxel_mm : (3,) ndarray of float64
-        Where it begins in the scan it was cut out of, as an opened container is, z y x.
+    assumed : tuple of str
+        As in a `Scan`: what its file does not say.
     opened_bags : OpenedBags
     review : Review
     flights, history, events
@@ -149,8 +147,6 @@ class Session:
         self.flights, self.queries, self.log = document.flights, document.queries, document.log
         self.label_editor, self.annotations = LabelEditor(document), Annotations(document)
         self.measurements, self.cutting = Measurements(document), Cutting(document)
-        self.scanner_from_scan: Matrix | None = None
-        self.first_voxel_mm = np.zeros(3)
         self.assumed: tuple[str, ...] = ()
         self._scene_description, self.opened_bags = SceneDescription(), OpenedBags()
         self.review = Review(document, self.label_editor)
@@ -252,6 +248,10 @@ class Session:
         lambda s, v: s._doc.see(hue_margin=validation.checked_margin(v)),
     )
     """Fraction of every hue arc left empty; neighbours are at least hue_margin / C apart."""
+    scanner_from_scan = Setting(lambda s: s._doc.scanner_from_scan, lambda s, v: lie_in(s._doc, v))
+    """As in a `Scan`: where its surfaces belong, a (4, 4) ndarray of float64 or None."""
+    first_voxel_mm = Setting(lambda s: s._doc.first_voxel_mm, lambda s, v: begin_at(s._doc, v))
+    """Where it begins in the scan it was cut out of, as an opened container is: (3,) mm, z y x."""
     away_from_table = Setting(
         lambda s: s._doc.view_state.up, lambda s, v: s._doc.see(up=unit(v, "away_from_table"))
     )
@@ -286,8 +286,9 @@ class Session:
         self._doc.look(camera, view)
 
     def look(self, camera: Camera) -> None:
-        """Take over the camera that draws; ValueError if its rotation enlarges or mirrors."""
+        """Take over the camera that draws; ValueError if its rotation or stretch is none."""
         validation.checked_rotation(camera.rotation)
+        validation.checked_stretch(camera.stretch)
         direction, up, center = (triple(v) for v in (camera.direction, camera.up, camera.center))
         view = View(direction, up, center, camera.height, camera.fov)
         self._doc.look(camera, view)
