@@ -119,6 +119,12 @@ def test_merge_keeps_the_largest_and_delete_leaves_background() -> None:
     assert_consistent(s)
 
 
+def test_one_voxel_twice_is_no_split_and_named_as_it_was_given() -> None:
+    s = session()
+    with pytest.raises(ValueError, match=r"two different voxels, got \[5, 17, 5\] twice"):
+        s.label_editor.split_task(2, [5, 17, 5], (5, 17, 5))
+
+
 def test_what_is_outside_is_refused_with_a_sentence() -> None:
     s = session()
     s.unpack([2])
