@@ -12,6 +12,7 @@ from napari_unpack.geometry.grow_labels import grow_labels
 from napari_unpack.geometry.view import View
 from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session import ObjectState, Session
+from napari_unpack.session.errors import listed_objects
 from napari_unpack.session.measurements import SurfacePoint, owner_after
 from napari_unpack.tasks import no_progress
 
@@ -277,6 +278,10 @@ def test_ids_above_65535_keep_the_names_people_know() -> None:
     s = Session(volume, labels.astype(np.int64) * 100_000)
     new = s.split(1, LEFT, RIGHT)
     assert s.label_of(new) == 300_001
+    assert listed_objects(s.objects["name"]) == (
+        "Object 100000, Object 200000, Object 300000 and Object 100000, part"
+    )
+    assert listed_objects(s.objects["name"][:3]) == "Objects 100000, 200000 and 300000"
     assert s.objects.label.tolist() == [100_000, 200_000, 300_000, 300_001]
     painted = np.array([s.label_of(i) if i else 0 for i in range(5)])[s.labels]
     assert s.label_editor.paint_task(painted).run(no_progress) is None
