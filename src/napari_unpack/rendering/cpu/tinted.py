@@ -18,6 +18,10 @@ from napari_unpack.rendering.cpu.ray_sampling import BRICK, band_of, clipping_pl
 from napari_unpack.rendering.cpu.thread_pool import over_bands
 
 
+# Voxels along all rays that one thread casts alone.
+FEW = 1 << 16
+
+
 def tinted(
     volume: Density,
     labels: NDArray[np.uint16],
@@ -103,7 +107,9 @@ def tinted(
     def blocks() -> BrickCache:
         return BrickCache.of(volume, full, bricks)
 
-    over_bands(rays.size[0], work, blocks, threads, band=band_of(rays.size[0]))
+    # Others take longer to start than a small object to cast.
+    few = 1 if threads is None and depth.size * max(labels.shape) <= FEW else threads
+    over_bands(rays.size[0], work, blocks, few, band=band_of(rays.size[0]))
     return image, depth
 
 
