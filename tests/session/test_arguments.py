@@ -141,6 +141,10 @@ REFUSED: dict[str, tuple[str, Callable[[Session], Any]]] = {
     "cut of a point": ("cut of the style must be", cuts((1, 2, 3))),
     "first voxel in a plane": ("first_voxel_mm must be", sets("first_voxel_mm", (1, 2))),
     "scanner of 3": ("scanner_from_scan must be", sets("scanner_from_scan", EYE)),
+    "colour red": ("color must be three or four", lambda s: s.annotations.set_color(1, "red")),
+    "colour 5": ("color must be three or four", lambda s: s.annotations.set_color(1, 5)),
+    "tints of a stranger": ("object_id must be objects of", lambda s: s.solo_tints(77)),
+    "curve of a stranger": ("object_id must be objects", lambda s: s.transfer_function_of(77)),
     "lock a stranger": ("locked_hues must be objects", sets("locked_hues", [99])),
     "names of 5": ("name must be", lambda s: s.annotations.name_and_color({1: "a", 2: 5}, {})),
 }

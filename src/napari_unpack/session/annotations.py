@@ -186,7 +186,10 @@ def _changed(before: Mapping[int, T], ids: Iterable[int], value: T | None) -> di
 
 
 def _checked_color(color: Sequence[float]) -> Rgba:
-    values = [float(v) for v in color]
+    try:
+        values = [float(v) for v in color]
+    except (TypeError, ValueError):
+        values = []
     # Not-a-number is between no two numbers.
     if len(values) not in (3, 4) or not all(0.0 <= v <= 1.0 for v in values):
         raise ValueError(f"color must be three or four numbers from 0 to 1, got {color!r}")

@@ -333,7 +333,7 @@ class Session:
     def transfer_function_of(self, object_id: int) -> TransferFunction:
         """Return what an object outside the bag is shown with; see `Scene`."""
         # Asked of the scene, so that what is told is what is drawn.
-        return self.scene().transfer_function_of(object_id)
+        return self.scene().transfer_function_of(self._doc.one(object_id))
 
     def packed_tints(self) -> NDArray[np.float32]:
         """Return the (M, 4) float32 tints of what is packed; zero for all else."""
@@ -341,7 +341,7 @@ class Session:
 
     def solo_tints(self, object_id: int) -> NDArray[np.float32]:
         """Return the (M, 4) float32 tints that show one object alone."""
-        return self.scene().tints_alone(object_id)
+        return self.scene().tints_alone(self._doc.one(object_id))
 
     def scene(self) -> Scene:
         """Return what images show of this session now; cheap, on the main thread."""
