@@ -227,6 +227,14 @@ def test_a_table_with_words_for_numbers_is_refused(column: str) -> None:
         session_of(stack_of_plates(), objects=table)
 
 
+@pytest.mark.parametrize("columns", [["a", "a"], [("a", "b"), ("a", "c")]], ids=repr)
+def test_a_table_whose_columns_have_no_name_of_their_own_is_refused(columns: Any) -> None:
+    names = pd.MultiIndex.from_tuples(columns) if columns[0] != "a" else columns
+    table = pd.DataFrame([[1, 2]] * 5, index=range(1, 6), columns=names)
+    with pytest.raises(ValueError, match="objects must have one name for each column"):
+        session_of(stack_of_plates(), objects=table)
+
+
 def test_numbers_among_nothing_stay_numbers() -> None:
     table = pd.DataFrame({"confidence": [0.5, None, 1, "0.25", np.nan]}, index=range(1, 6))
     found = session_of(stack_of_plates(), objects=table.astype(object)).objects.confidence

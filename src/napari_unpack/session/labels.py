@@ -55,7 +55,8 @@ def object_table(
     Raises
     ------
     ValueError
-        If the given table's index holds an ID twice, or words stand where numbers belong.
+        If the given table's index holds an ID twice, a column's name is not one or not its own,
+        or words stand where numbers belong.
     """
     import pandas as pd
 
@@ -79,6 +80,10 @@ def object_table(
         return found
     if not given.index.is_unique:
         raise ValueError("objects must have each ID once in its index")
+    if given.columns.nlevels > 1 or not given.columns.is_unique:
+        raise ValueError(
+            f"objects must have one name for each column, and each once, got {[*given.columns]}"
+        )
     known = _plain_columns(given.reindex(known_by).set_index(found.index))
     if given_ids is not None and not _says_ids(known, known_by):
         del found["label"]
