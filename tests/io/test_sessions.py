@@ -648,6 +648,18 @@ def test_tables_of_pandas_own_types_are_saved_and_names_in_them_change(tmp_path:
     assert back["key"].dropna().tolist() == [2**60 + 1, *range(7)]
 
 
+def test_a_point_on_a_deleted_object_is_one_of_none_saved_or_not(tmp_path: Path) -> None:
+    s = nu.Session(*bag())
+    s.measurements.add([SurfacePoint(1, (1, 2, 3)), SurfacePoint(2, (3, 5, 3))])
+    s.delete(1)
+    (told,) = s.measurements
+    assert [point.object_id for point in told.points] == [0, 2]
+    nu.save_session(s, tmp_path / "a.unpack")
+    assert [*nu.open_session(tmp_path / "a.unpack").measurements] == [told]
+    s.undo()
+    assert next(iter(s.measurements)).objects == {1, 2}
+
+
 def test_ids_taken_from_the_labels_are_saved_like_any_other(tmp_path: Path) -> None:
     volume, labels = bag()
     s = nu.Session(volume, labels)
