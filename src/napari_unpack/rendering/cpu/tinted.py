@@ -17,7 +17,6 @@ from napari_unpack.rendering.cpu.compositing import correction, march
 from napari_unpack.rendering.cpu.ray_sampling import BRICK, band_of, clipping_planes, ray_numbers
 from napari_unpack.rendering.cpu.thread_pool import over_bands
 
-
 # Voxels along all rays that one thread casts alone.
 FEW = 1 << 16
 
