@@ -140,7 +140,7 @@ def test_neighbours_of_a_fresh_assignment_with_a_margin_are_apart(graph):
 
 
 @settings(max_examples=150, deadline=None)
-@given(graphs, st.dictionaries(st.integers(0, 13), st.floats(0, 0.999), max_size=14))
+@given(graphs, st.dictionaries(st.integers(0, 13), st.floats(-1.5, 2), max_size=14))
 def test_whatever_the_hues_before_neighbours_are_apart_after(graph, previous):
     classes = len(color_classes(graph))
     hues = assign_hues(graph, previous, margin=0.5)

@@ -629,6 +629,8 @@ def test_tables_of_pandas_own_types_are_saved_and_names_in_them_change(tmp_path:
             "confidence": pd.array([0.5, None, *[0.25] * 7], "Float64"),
             "name": pd.Categorical(list("abacabaca")),
             "kind": pd.array(["cup", None, *["book"] * 7], "string"),
+            "whole": pd.Series([np.bool_(True), np.nan, *[False] * 7], range(1, 10), object),
+            "key": pd.Series([np.int64(2**60 + 1), None, *range(7)], range(1, 10), object),
         },
         index=range(1, 10),
     )
@@ -640,7 +642,22 @@ def test_tables_of_pandas_own_types_are_saved_and_names_in_them_change(tmp_path:
     assert back["confidence"].tolist()[0] == 0.5
     assert np.isnan(back["confidence"].tolist()[1])
     assert back["kind"].tolist()[0] == "cup"
-    assert pd.isna(back["kind"].tolist()[1])
+    assert back.loc[2, ["kind", "whole", "key"]].isna().all()
+    assert back["whole"].dropna().tolist() == [True, *[False] * 7]
+    assert isinstance(back["whole"].tolist()[0], bool)
+    assert back["key"].dropna().tolist() == [2**60 + 1, *range(7)]
+
+
+def test_a_point_on_a_deleted_object_is_one_of_none_saved_or_not(tmp_path: Path) -> None:
+    s = nu.Session(*bag())
+    s.measurements.add([SurfacePoint(1, (1, 2, 3)), SurfacePoint(2, (3, 5, 3))])
+    s.delete(1)
+    (told,) = s.measurements
+    assert [point.object_id for point in told.points] == [0, 2]
+    nu.save_session(s, tmp_path / "a.unpack")
+    assert [*nu.open_session(tmp_path / "a.unpack").measurements] == [told]
+    s.undo()
+    assert next(iter(s.measurements)).objects == {1, 2}
 
 
 def test_ids_taken_from_the_labels_are_saved_like_any_other(tmp_path: Path) -> None:
@@ -668,7 +685,10 @@ def test_flights_take_a_time_that_a_file_can_hold(seconds: float) -> None:
 
 def test_a_session_that_would_not_open_again_replaces_none_that_does(saved):
     found = nu.open_session(saved)
-    found.canvas_size = (100_000, 100_000)
-    with pytest.raises(ValueError, match="canvas_size must be from 1 to 65535"):
+    # Both are kept as arrays, whatever they come as.
+    found.first_voxel_mm, found.scanner_from_scan = [1, 2, 3], np.eye(4).tolist()
+    nu.save_session(found, saved)
+    found.seconds = 1e300
+    with pytest.raises(ValueError, match=r"session\.seconds must be a finite number up to"):
         nu.save_session(found, saved)
-    assert nu.open_session(saved).canvas_size == (300, 400)
+    assert nu.open_session(saved).first_voxel_mm.tolist() == [1, 2, 3]

@@ -34,6 +34,7 @@ def test_auto_takes_the_cpu_where_gl_is_missing_or_software(monkeypatch) -> None
     class Driver:
         def __init__(self, available: bool, software: bool) -> None:
             self.available, self.hardware = lambda: available, lambda: available and not software
+            self.unavailable_because = lambda: "it belongs to another thread"
 
     for available, software, name in [
         (False, False, "napari_unpack.rendering.cpu"),
@@ -44,7 +45,7 @@ def test_auto_takes_the_cpu_where_gl_is_missing_or_software(monkeypatch) -> None
         assert chosen("auto").__name__ == name
     monkeypatch.setattr(backends, "gl_driver", lambda: Driver(False, False))
     assert chosen("cpu").__name__ == "napari_unpack.rendering.cpu"
-    with pytest.raises(ValueError, match="GL context"):
+    with pytest.raises(ValueError, match="GL context: it belongs to another thread; use"):
         chosen("gl")
 
 

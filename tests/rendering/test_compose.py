@@ -378,6 +378,25 @@ def test_a_frame_casts_neither_the_bag_nor_the_sprites_again(monkeypatch: Any) -
     assert len(casts) == 5, "another volume looks another way"
 
 
+def test_sprites_out_of_the_picture_are_not_cast_and_rough_ones_not_refined(monkeypatch) -> None:
+    def scene(down: float) -> Any:
+        poses = {1: Pose(np.array([0.0, down, 20.0]), np.eye(3))}
+        return replace(make_scene(), packed=frozenset(), poses=poses)
+
+    camera = Camera(np.eye(3), np.array([19.5, 23.5, 27.5]), 60.0)
+    smooth = scene_image(scene(0.0), camera, SIZE)
+
+    def refuse(*_: Any) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(compose, "upsampled", refuse)
+    rough = scene_image(scene(0.0), camera, SIZE, smooth=False)
+    # Not more than stairs.
+    assert 0 < np.abs(rough - smooth).mean() < 0.02
+    monkeypatch.setattr(compose, "sprite_image", refuse)
+    scene_image(scene(90.0), camera, SIZE)
+
+
 def test_an_inspected_object_stands_large_before_the_dimmed_rest() -> None:
     scene = make_scene()
     camera = Camera(np.eye(3), np.array([19.5, 60.0, 27.5]), 150.0)

@@ -14,6 +14,7 @@ from bags import session_of, stack_of_plates
 
 import napari_unpack as nu
 from napari_unpack.geometry.transforms import Pose
+from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session import Session
 from napari_unpack.session.bag_cut import Cutting
 from napari_unpack.session.containers import open_container
@@ -55,6 +56,20 @@ def sets(name: str, value: Any) -> Callable[[Session], None]:
 def measured(object_id: Any) -> Callable[[Session], None]:
     points = (0.0, 0.0, 0.0), (0.0, 0.0, 5.0)
     return lambda session: session.measurements.add([SurfacePoint(object_id, at) for at in points])
+
+
+def cuts(*cut: Any) -> Callable[[Session], None]:
+    return lambda session: session.set_style(1, ObjectStyle(None, cut))
+
+
+@pytest.mark.parametrize("density", [0.0, 1000.0, -2e38])
+def test_labels_that_leave_no_background_are_unpacked_without_an_image(density: float) -> None:
+    labels = np.ones((3, 4, 6), np.uint8)
+    labels[..., 3:] = 2
+    session = Session(np.full(labels.shape, density), labels)
+    session.backend = "cpu"
+    assert session.transfer_function.opacity_at(density) > 0.5
+    assert session.unpack(2) == (1, 2)
 
 
 REFUSED: dict[str, tuple[str, Callable[[Session], Any]]] = {
@@ -114,6 +129,22 @@ REFUSED: dict[str, tuple[str, Callable[[Session], Any]]] = {
     "open a stranger again": ("object_id must be", lambda s: s.opened_bags.open(s, 99)),
     "look larger": ("rotation", lambda s: s.look(replace(s.camera, rotation=2 * EYE))),
     "look mirrored": ("rotation", lambda s: s.look(replace(s.camera, rotation=-EYE))),
+    "look skewed": ("stretch", lambda s: s.look(replace(s.camera, stretch=np.tri(3)))),
+    "look stretched": ("stretch", lambda s: s.look(replace(s.camera, stretch=2 * EYE))),
+    "window too wide": ("canvas_size must be", sets("canvas_size", (70_000, 10))),
+    "window of 5": ("canvas_size must be", sets("canvas_size", (5,))),
+    "window 5": ("canvas_size must be", sets("canvas_size", 5)),
+    "window of halves": ("canvas_size must be", sets("canvas_size", (10.5, 20))),
+    "style soft": ("style must be", lambda s: s.set_style(1, "soft")),
+    "cut across nothing": ("normal that is not 0", cuts((0, 0, 0), (0, 0, 0))),
+    "cut at NaN": ("cut of the style must be", cuts((NAN, 0, 0), (0, 0, 1))),
+    "cut of a point": ("cut of the style must be", cuts((1, 2, 3))),
+    "first voxel in a plane": ("first_voxel_mm must be", sets("first_voxel_mm", (1, 2))),
+    "scanner of 3": ("scanner_from_scan must be", sets("scanner_from_scan", EYE)),
+    "colour red": ("color must be three or four", lambda s: s.annotations.set_color(1, "red")),
+    "colour 5": ("color must be three or four", lambda s: s.annotations.set_color(1, 5)),
+    "tints of a stranger": ("object_id must be objects of", lambda s: s.solo_tints(77)),
+    "curve of a stranger": ("object_id must be objects", lambda s: s.transfer_function_of(77)),
     "lock a stranger": ("locked_hues must be objects", sets("locked_hues", [99])),
     "names of 5": ("name must be", lambda s: s.annotations.name_and_color({1: "a", 2: 5}, {})),
 }
@@ -193,6 +224,14 @@ COLUMNS = ("confidence", "z", "y", "x", "voxels", "volume_mm3", "mean_density")
 def test_a_table_with_words_for_numbers_is_refused(column: str) -> None:
     table = pd.DataFrame({column: [0.5, "high", None, 1, 1]}, index=range(1, 6))
     with pytest.raises(ValueError, match=f"column '{column}' of objects .* got 'high'"):
+        session_of(stack_of_plates(), objects=table)
+
+
+@pytest.mark.parametrize("columns", [["a", "a"], [("a", "b"), ("a", "c")]], ids=repr)
+def test_a_table_whose_columns_have_no_name_of_their_own_is_refused(columns: Any) -> None:
+    names = pd.MultiIndex.from_tuples(columns) if columns[0] != "a" else columns
+    table = pd.DataFrame([[1, 2]] * 5, index=range(1, 6), columns=names)
+    with pytest.raises(ValueError, match="objects must have one name for each column"):
         session_of(stack_of_plates(), objects=table)
 
 

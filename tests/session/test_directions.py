@@ -70,6 +70,20 @@ def test_a_survey_serves_while_objects_leave_and_not_when_one_comes_back():
     assert session.best_direction(ask=True) is not None
 
 
+def test_with_a_tolerance_a_survey_of_the_fuller_bag_does_not_serve():
+    # Whom a tolerance exempts depends on all that is packed: 3 hides a sliver of 1 above.
+    labels = np.zeros((14, 8, 12), np.uint16)
+    labels[6:9, 1:7, 1:9] = 1
+    labels[1, 1:4, 1:9], labels[3, 1, 1], labels[11] = 2, 3, 4
+    labels[6:9, 0], labels[6:9, 7], labels[:, :, 0], labels[:, :, 11] = 5, 6, 7, 8
+    session = real_session(labels)
+    session.tolerance, session.direction = 0.05, "+z"
+    assert session.reveal_plan(1).ids == {1, 4}
+    session.hide(2)
+    assert session.best_direction() is None
+    assert session.reveal_plan(1).ids == {1}
+
+
 def test_half_the_compass_is_cast_and_opposites_are_the_same_turned_round():
     labels = stack_of_plates()
     session = session_of(labels)

@@ -13,6 +13,7 @@ from napari_unpack.geometry.view import View
 from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.segmentation.object_table import object_table as measured
 from napari_unpack.session import ObjectState, Session
+from napari_unpack.session.errors import listed_objects
 from napari_unpack.session.measurements import SurfacePoint, owner_after
 from napari_unpack.tasks import no_progress
 
@@ -120,6 +121,12 @@ def test_merge_keeps_the_largest_and_delete_leaves_background() -> None:
     assert_consistent(s)
 
 
+def test_one_voxel_twice_is_no_split_and_named_as_it_was_given() -> None:
+    s = session()
+    with pytest.raises(ValueError, match=r"two different voxels, got \[5, 17, 5\] twice"):
+        s.label_editor.split_task(2, [5, 17, 5], (5, 17, 5))
+
+
 def test_what_is_outside_is_refused_with_a_sentence() -> None:
     s = session()
     s.unpack([2])
@@ -181,8 +188,9 @@ def test_a_new_object_leaves_columns_of_numbers_what_they_are() -> None:
     facts = pd.DataFrame(
         {"score": [0.25, 0.5, 0.75], "parent": [0, 1, 1], "shelf": ["a", "b", "c"]},
         index=pd.Index([1, 2, 3], name="id"),
-    )
+    ).assign(whole=[True, False, True], key=[2**60 + 1, 4, 5], day=pd.Timestamp("2026-11-28 10:00"))
     s = Session(volume, labels, objects=facts)
+    before = s.objects
     painted = labels.copy()
     painted[16:19, 2:5, 2:5] = 7
     s.label_editor.apply(s.label_editor.paint_task(painted).run(no_progress))
@@ -190,6 +198,12 @@ def test_a_new_object_leaves_columns_of_numbers_what_they_are() -> None:
     np.testing.assert_array_equal(s.objects["parent"].to_numpy(), [0.0, 1.0, 1.0, np.nan])
     assert s.objects["score"].dtype == s.objects["parent"].dtype == np.float64
     assert s.objects["shelf"].isna().tolist() == [False, False, False, True]
+    assert s.objects["key"].tolist()[0] == 2**60 + 1
+    s.undo()
+    pd.testing.assert_frame_equal(s.objects, before)
+    s.redo()
+    assert s.objects["whole"].tolist()[:3] == [True, False, True]
+    assert s.objects["key"].tolist()[0] == 2**60 + 1
 
 
 def test_surface_over_volume_is_that_of_what_a_repair_made() -> None:
@@ -257,11 +271,28 @@ def test_a_label_above_all_that_tables_hold_is_refused_by_its_number() -> None:
         s.label_editor.paint_task(painted).run(no_progress)
 
 
+def test_ids_above_65535_leave_a_column_label_of_ones_own_as_it_is() -> None:
+    volume, labels = dumbbell()
+    facts = pd.DataFrame({"label": ["cup", "book", "pen"]}, index=[100_000, 200_000, 300_000])
+    s = Session(volume, labels.astype(np.int64) * 100_000, objects=facts)
+    assert s.objects.label.tolist() == ["cup", "book", "pen"]
+    s.delete(2)
+    assert s.objects.label.tolist() == ["cup", "pen"]
+    painted = s.labels.astype(np.int64) * 100_000
+    painted[16:19, 2:5, 2:5] = 400_000
+    s.label_editor.apply(s.label_editor.paint_task(painted).run(no_progress))
+    assert s.objects.label.fillna("?").tolist() == ["cup", "pen", "?"]
+
+
 def test_ids_above_65535_keep_the_names_people_know() -> None:
     volume, labels = dumbbell()
     s = Session(volume, labels.astype(np.int64) * 100_000)
     new = s.split(1, LEFT, RIGHT)
     assert s.label_of(new) == 300_001
+    assert listed_objects(s.objects["name"]) == (
+        "Object 100000, Object 200000, Object 300000 and Object 100000, part"
+    )
+    assert listed_objects(s.objects["name"][:3]) == "Objects 100000, 200000 and 300000"
     assert s.objects.label.tolist() == [100_000, 200_000, 300_000, 300_001]
     painted = np.array([s.label_of(i) if i else 0 for i in range(5)])[s.labels]
     assert s.label_editor.paint_task(painted).run(no_progress) is None

@@ -345,8 +345,15 @@ def test_work_inside_outlives_repairs_elsewhere() -> None:
     # What is inside is another thing then, until that is taken back.
     outer.merge([2, 3])
     assert bags.worked_in(outer) == {}
+    between = bags.open(outer, 1)
+    assert between is not inner
+    between.hide(between.ids[-1])
     outer.undo()
+    assert bags.worked_in(outer) == {1: inner}
     assert bags.open(outer, 1) is inner
+    outer.redo()
+    assert bags.worked_in(outer) == {1: between}
+    outer.undo()
     outer.delete(1)
     assert bags.worked_in(outer) == {}
 

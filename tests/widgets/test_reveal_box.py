@@ -262,6 +262,21 @@ def test_a_question_about_the_bag_before_answers_none_about_the_one_shown(
     assert best.direction[2] == 0
 
 
+def test_the_best_direction_is_asked_again_where_something_came_back_meanwhile(
+    panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    workspace, planner, session, found = panel.workspace, panel.planner, pile(0), []
+    workspace.open(session)
+    session.hide(1)
+    planner.best.connect(found.append)
+    planner.find_best_direction()
+    # Its result is delivered on this thread, which has not waited yet.
+    session.show(1)
+    qtbot.waitUntil(lambda: bool(found), timeout=60000)
+    (best,) = found
+    assert len(best.ids) == 4
+
+
 @pytest.mark.parametrize(
     ("looking", "direction", "words"),
     [

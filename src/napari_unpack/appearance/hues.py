@@ -235,7 +235,7 @@ def assign_hues(
         if not isinstance(hue, int | float | np.number) or not np.isfinite(hue):
             raise ValueError(f"previous must hold finite hues, got {hue!r} for object {node}")
     classes = color_classes(graph)
-    known = {node: previous[node] for node in graph if node in previous} if previous else {}
+    known = _in_circle(graph, previous or {})
     if not known:
         return arc_hues(graph, classes, margin)
     safe = margin or 0.5
@@ -245,6 +245,12 @@ def assign_hues(
         return kept
     fresh = arc_hues(graph, classes, safe)
     return fresh | {node: hue for node, hue in known.items() if node in locked}
+
+
+def _in_circle(graph: nx.Graph, hues: Mapping[int, float]) -> dict[int, float]:
+    """Return the hues of a graph's objects in [0, 1)."""
+    # Twice: of a tiny negative number 1 is left by the first.
+    return {node: hues[node] % 1.0 % 1.0 for node in graph if node in hues}
 
 
 def spread_hues(
@@ -268,7 +274,7 @@ def spread_hues(
     the objects changes, instead of a sixth.
     """
     classes = color_classes(graph)
-    known = {node: previous[node] for node in graph if node in previous} if previous else {}
+    known = _in_circle(graph, previous or {})
     start, arc = known or arc_hues(graph, classes, margin), 1.0 / max(len(classes), 1)
     least = margin * arc
     for separation in np.linspace(max(min(arc, AMPLE), least), least, TRIES):

@@ -213,12 +213,18 @@ class Fields:
         return tuple(value)
 
     def columns(self, name: str) -> dict[str, Any]:
-        """Return lists by name; numbers with nulls among them are floats with NaN."""
+        """Return values by name; numbers with nulls among them are floats with NaN."""
         part = self.part(name)
-        found = {key: part.items(key) for key in part._data}
+        found: dict[str, Any] = {key: part.items(key) for key in part._data}
         for key, values in found.items():
             # JSON has no NaN: it was written as null.
-            if None in values and all(isinstance(v, int | float | None) for v in values):
+            known = [v for v in values if v is not None]
+            if len(known) == len(values) or not all(type(v) in (int, float) for v in known):
+                continue
+            # No float holds all IDs of 64 bits.
+            if any(isinstance(v, int) and abs(v) > 2**53 for v in known):
+                found[key] = np.array(values, dtype=object)
+            else:
                 found[key] = [np.nan if v is None else float(v) for v in values]
         return found
 

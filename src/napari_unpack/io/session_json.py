@@ -43,12 +43,16 @@ from napari_unpack.session.state import (
     UnpackingRules,
     ViewState,
 )
-from napari_unpack.session.validation import MOST_ID, checked_labels, checked_planes, checked_volume
+from napari_unpack.session.validation import (
+    MOST_ID,
+    WIDEST,
+    checked_labels,
+    checked_planes,
+    checked_stretch,
+    checked_volume,
+)
 from napari_unpack.unpacking import Queue
 from napari_unpack.unpacking.occlusion import Rule
-
-# Pixels of a window; GPUs take textures of 16,384 or 32,768.
-WIDEST = 65_535
 
 # Columns that the plugin reads; others are a user's own and may hold anything.
 _LARGEST = sys.float_info.max
@@ -131,6 +135,9 @@ def _facts(fields: Fields) -> Any:
 
 
 def _plain(value: Any) -> Any:
+    # What stands beside missing ones is left as it was given.
+    if isinstance(value, np.generic):
+        value = value.item()
     # JSON has neither NaN nor infinity.
     if isinstance(value, float) and not math.isfinite(value):
         return None
@@ -503,17 +510,7 @@ def view_from(fields: Fields) -> View:
 
 
 def _stretch(fields: Fields) -> NDArray[np.float64]:
-    stretch = fields.array("stretch", (3, 3))
-    # A mirroring affine has a negative determinant, and its stretch is negative definite.
-    upright = stretch * np.sign(np.linalg.det(stretch))
-    lengths = np.linalg.eigvalsh(upright)
-    same = np.allclose(stretch, stretch.T, atol=1e-6)
-    if not same or lengths.min() <= 1e-3 or abs(np.prod(lengths) - 1) > 1e-3:
-        raise ValueError(
-            "session.camera.stretch must be symmetric, definite and of determinant 1 or -1, got "
-            f"{stretch.tolist()}"
-        )
-    return stretch
+    return checked_stretch(fields.array("stretch", (3, 3)), "session.camera.stretch", 1e-3)
 
 
 def _angle(fields: Fields) -> float:

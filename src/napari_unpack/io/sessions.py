@@ -44,6 +44,8 @@ LARGEST_MANIFEST = 1 << 28
 # Bytes that a byte of JSON becomes at most: `[],` is a list of 56 and a pointer of 8.
 PARSED = 22
 PICTURE = (240, 320)
+# Sprites of the picture that are drawn without stairs, which takes three times as long.
+MOST_SMOOTH = 50
 
 
 def save_session(
@@ -452,5 +454,6 @@ def _picture(scene: Scene, camera: Camera) -> bytes:
     from napari_unpack.rendering.compose import scene_image
 
     # On the processor: saving may run on a thread without a GL context.
-    image = scene_image(scene, camera, PICTURE, backend="cpu")
+    smooth = len(scene.poses) <= MOST_SMOOTH
+    image = scene_image(scene, camera, PICTURE, backend="cpu", smooth=smooth)
     return png_bytes(straight_bytes(image))

@@ -114,6 +114,9 @@ class Driver(Protocol):
     def available(self) -> bool:
         """Whether this thread can draw offscreen."""
 
+    def unavailable_because(self) -> str | None:
+        """Return why it cannot, None where it can."""
+
     def hardware(self) -> bool:
         """Whether a graphics card draws, and has not failed yet."""
 
@@ -177,7 +180,8 @@ def chosen(backend: str) -> RenderBackend:
     if on_cpu(checked_backend(backend)):
         return cpu_backend()
     if backend == "gl" and not gl_driver().available():
-        raise ValueError('backend "gl" needs a GL context and none can be had here; use "cpu"')
+        why = gl_driver().unavailable_because()
+        raise ValueError(f'backend "gl" needs a GL context: {why}; use "cpu"')
     return gl_backend()
 
 

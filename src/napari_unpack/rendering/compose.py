@@ -119,6 +119,7 @@ def sprite_image(
     backend: str = "auto",
     shading: Shading | None = LIGHT,
     part: Window | None = None,
+    smooth: bool = True,
 ) -> ImagePatch:
     """Cast the small image of an unpacked object.
 
@@ -135,6 +136,8 @@ def sprite_image(
         and cast once.
     part : (int, int, int, int), optional
         First row, first column, height and width of what is wanted, counted like `row` and `col`.
+    smooth : bool
+        As for `object_image`; without it a small object takes a third of the time.
 
     Returns
     -------
@@ -163,7 +166,7 @@ def sprite_image(
     # A sprite stands still and is drawn once, so it gets the samples of an image at rest.
     step = step_scale / SAMPLES_AT_REST
     whole = object_image(
-        scene, object_id, still, camera, size, step, backend, shading, smooth=True, part=part
+        scene, object_id, still, camera, size, step, backend, shading, smooth=smooth, part=part
     )
     patch = whole.trimmed()
     return patch.at(patch.row - down, patch.col - right, patch.plane)
@@ -191,6 +194,7 @@ def scene_image(
     backend: str = "auto",
     shading: Shading | None = LIGHT,
     decorations: Decorations | None = None,
+    smooth: bool = True,
 ) -> Image:
     """Put together what a person sees, premultiplied: the bag, flights, sprites, the inspected.
 
@@ -207,6 +211,8 @@ def scene_image(
     shading : Shading, optional
     decorations : Decorations, optional
         Background, box and scale bar; by default the scene's.
+    smooth : bool
+        Whether sprites are without stairs; see `sprite_image`.
 
     Raises
     ------
@@ -231,7 +237,9 @@ def scene_image(
     for object_id, pose in scene.poses.items():
         # What flies or is inspected is drawn below, at another pose.
         if object_id not in scene.flights and object_id not in inspected:
-            patches.append(_placed_sprite(scene, object_id, pose, camera, size, backend, shading))
+            patches.append(
+                _placed_sprite(scene, object_id, pose, camera, size, backend, shading, smooth)
+            )
     if time is not None:
         for i, flight in scene.flights.items():
             pose = flight.pose(time, camera)
@@ -307,6 +315,7 @@ def _placed_sprite(
     size: tuple[int, int],
     backend: str,
     shading: Shading | None,
+    smooth: bool,
 ) -> ImagePatch:
     flat = camera.flattened(float(pose.center[0]))
     if flat is None:
@@ -317,12 +326,17 @@ def _placed_sprite(
     held = pose.rotation.tobytes(), pose.stretch.tobytes(), pose.scale
     # Rounded: napari's zoom is not exact to the last bit, and a sprite need not be either.
     row, col = (int(n) for n in np.rint(flat.pixels(pose.center, size)))
-    # Near the eye a sprite is far larger than the image: only what is in the image is cast.
     down, right = _reach(scene, object_id, pose, resolution)
+    if not (-down <= row < size[0] + down and -right <= col < size[1] + right):
+        return nothing()
+    # Near the eye a sprite is far larger than the image: only what is in the image is cast.
     part = (-row, -col, *size) if 2 * down >= size[0] or 2 * right >= size[1] else None
-    key = ("sprite", appearance.key, *held, f"{resolution:.7g}", part)
+    key = ("sprite", appearance.key, *held, f"{resolution:.7g}", part, smooth)
     patch: ImagePatch = scene.subvolumes.keep(
-        key, lambda: sprite_image(scene, object_id, pose, resolution, 1.0, backend, shading, part)
+        key,
+        lambda: sprite_image(
+            scene, object_id, pose, resolution, 1.0, backend, shading, part, smooth
+        ),
     )
     return patch.at(patch.row + row, patch.col + col, patch.plane - pose.center[0])
 

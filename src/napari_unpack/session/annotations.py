@@ -12,7 +12,7 @@ from napari_unpack.session import commands
 from napari_unpack.session.document import Document
 from napari_unpack.session.labels import one_line
 from napari_unpack.session.state import FLAGS, Flag, SessionState
-from napari_unpack.session.validation import checked_kind
+from napari_unpack.session.validation import checked_kind, checked_style
 
 T = TypeVar("T")
 
@@ -129,7 +129,7 @@ class Annotations:
         style : ObjectStyle or None
         """
         document, state = self._doc, self._doc.state
-        new = commands.set_style(state, document.one(object_id), style)
+        new = commands.set_style(state, document.one(object_id), checked_style(style))
         before, after = (one.styles.get(object_id, ObjectStyle()) for one in (state, new))
         same_curve = before.transfer_function == after.transfer_function
         # While one inspects, a cut is a way of looking: it ends with that, and is no step.
@@ -186,7 +186,10 @@ def _changed(before: Mapping[int, T], ids: Iterable[int], value: T | None) -> di
 
 
 def _checked_color(color: Sequence[float]) -> Rgba:
-    values = [float(v) for v in color]
+    try:
+        values = [float(v) for v in color]
+    except (TypeError, ValueError):
+        values = []
     # Not-a-number is between no two numbers.
     if len(values) not in (3, 4) or not all(0.0 <= v <= 1.0 for v in values):
         raise ValueError(f"color must be three or four numbers from 0 to 1, got {color!r}")

@@ -9,6 +9,7 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.appearance import TransferFunction
 from napari_unpack.appearance.hues import spread_hues
 from napari_unpack.appearance.tints import Mode, Rgba, nearest_hue
 from napari_unpack.geometry.view import Camera
@@ -32,6 +33,23 @@ SPRITE_MARGIN = 0.5
 # Longer side of the object-ID image hues are chosen from; larger canvases are scaled down, since
 # which objects touch in a picture does not hang on its last pixels.
 MOST_PIXELS = 640
+
+
+def first_transfer_function(volume: NDArray[np.generic]) -> TransferFunction:
+    """Return what a session begins with: the default, or all opaque where there is one density.
+
+    Parameters
+    ----------
+    volume : (Z, Y, X) ndarray
+        Density, finite somewhere.
+    """
+    try:
+        return TransferFunction.default_for(volume)
+    except ValueError:
+        # Labels that leave no background, as densities: nothing is to be told apart.
+        most = float(np.finfo(np.float32).max)
+        density = float(np.clip(volume[np.isfinite(volume)][0], -most, most))
+        return TransferFunction([(density - max(abs(density), 1.0), 0.0), (density, 0.65)])
 
 
 class Identity:

@@ -351,6 +351,13 @@ class _Opened:
     found: tuple[int, bool]
     # By which the bag was scored when it was opened last.
     given: Callable[[Any], float] | None = None
+    # Whether it came from a file, where something had been done in it.
+    restored: bool = False
+
+    @property
+    def worked_in(self) -> bool:
+        bag = self.bag
+        return self.restored or bool(bag.history.done or bag.opened_bags.worked_in(bag))
 
     def is_in(self, data: LabelData, object_id: int) -> bool:
         """Tell whether what the bag was made of is there unchanged."""
@@ -370,12 +377,12 @@ class OpenedBags:
     """The bags that objects of one session were opened as.
 
     What was done in one is still so when it is opened once more, until a repair of labels changes
-    something where it was made of them.
+    something where it was made of them, and again once the repair is undone.
     """
 
     def __init__(self) -> None:
-        self._bags: dict[int, _Opened] = {}
-        self._restored: set[int] = set()
+        # By object, the one opened last at the end.
+        self._bags: dict[int, list[_Opened]] = {}
 
     def open(self, session: Session, object_id: int, rotation: Matrix | None = None) -> Session:
         """Return the bag inside an object, as it was left or else from `open_container`.
@@ -391,7 +398,8 @@ class OpenedBags:
             If the object is of one piece.
         """
         object_id = int(object_id)
-        known = self._known(session).get(object_id)
+        opened = self._known(session).get(object_id)
+        known = None if opened is None else opened.bag
         if known is None:
             known = open_container(session, object_id, rotation)
             # It loads more than the panel needs to open.
@@ -399,7 +407,6 @@ class OpenedBags:
 
             # In the worker that opens it: its hull is found for the first view.
             fitted(known)
-            self._restored.discard(object_id)
         else:
             outer = session.objects["name"]
             given_inside = known.state.names
@@ -419,12 +426,15 @@ class OpenedBags:
         session, object_id
             As for `restore`.
         """
-        bag = self._known(session).get(object_id)
+        opened = self._known(session).get(object_id)
+        if opened is None:
+            return
+        bag = opened.bag
         # Not the one it came in with: another may have been chosen for the bag meanwhile.
-        if bag is not None and bag.label_editor.oracle is not self._bags[object_id].given:
+        if bag.label_editor.oracle is not opened.given:
             _rate_alike(session, bag)
         # Most bags are left without a new name, and then nothing is searched.
-        if bag is None or not bag.state.names:
+        if not bag.state.names:
             return
         shared = shared_objects(session, object_id, bag)
         names = {i: name for i, name in bag.state.names.items() if i in shared}
@@ -442,28 +452,28 @@ class OpenedBags:
         object_id : int
         bag : Session
         """
-        self._keep(session, object_id, bag)
-        self._restored.add(object_id)
+        self._keep(session, object_id, bag, restored=True)
 
     def worked_in(self, session: Session) -> dict[int, Session]:
         """Return the bags in which something was done, by object."""
-        return {
-            i: bag
-            for i, bag in self._known(session).items()
-            if i in self._restored or bag.history.done or bag.opened_bags.worked_in(bag)
-        }
+        return {i: one.bag for i, one in self._known(session).items() if one.worked_in}
 
-    def _keep(self, session: Session, object_id: int, bag: Session) -> None:
+    def _keep(self, session: Session, object_id: int, bag: Session, restored: bool = False) -> None:
         data = session.label_data
         window = data.boxes.slices(object_id, MARGIN)
         # A copy, which keeps no whole volume of labels alive.
         made_of, found = np.array(data.labels[window]), (data.revision, True)
-        self._bags[object_id] = _Opened(bag, window, made_of, found, bag.label_editor.oracle)
+        before = self._bags.get(object_id, [])
+        restored |= any(one.restored for one in before if one.bag is bag)
+        opened = _Opened(bag, window, made_of, found, bag.label_editor.oracle, restored)
+        # Work in those of other labels there comes back with them.
+        others = [one for one in before if one.bag is not bag and one.worked_in]
+        self._bags[object_id] = [*others, opened]
 
-    def _known(self, session: Session) -> dict[int, Session]:
+    def _known(self, session: Session) -> dict[int, _Opened]:
         # Of labels that were repaired there: what was inside may be so no more.
         data = session.label_data
-        return {i: one.bag for i, one in self._bags.items() if one.is_in(data, i)}
+        return {i: one for i, all_ in self._bags.items() for one in all_ if one.is_in(data, i)}
 
 
 def _rate_alike(session: Session, other: Session) -> None:

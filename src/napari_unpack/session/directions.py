@@ -64,9 +64,11 @@ class SurveyKey:
     def covers(self, wanted: SurveyKey) -> bool:
         """Tell whether a result under this key serves.
 
-        Taking objects out takes their rows and columns out of its tables and changes no other.
+        Taking objects out takes their rows and columns out of its tables and changes no other,
+        but that with a tolerance whom it exempts depends on all that is packed.
         """
-        return replace(self, packed=wanted.packed) == wanted and wanted.packed <= self.packed
+        alike = replace(self, packed=wanted.packed) == wanted
+        return alike and wanted.packed <= self.packed and (self == wanted or not self.tolerance)
 
 
 @dataclass(frozen=True, eq=False)

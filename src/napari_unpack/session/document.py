@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.appearance import Decorations
 from napari_unpack.appearance.tints import Mode
+from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.length_unit import LengthUnit
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
@@ -29,11 +30,13 @@ from napari_unpack.session.queries import Queries
 from napari_unpack.session.ray_queries import RayQueries, RenderingQueries
 from napari_unpack.session.state import Placement, SessionState, UnpackingRules, ViewState
 from napari_unpack.session.validation import (
+    checked_array,
     checked_count,
     checked_id,
     checked_ids,
     checked_kind,
     checked_planes,
+    checked_size,
 )
 
 if TYPE_CHECKING:
@@ -79,6 +82,8 @@ class Document:
         # A result on occlusion is what an empty queue waits for.
         self.queries = Queries(self, self.fill_queue)
         self.log: list[LogEntry] = []
+        self.first_voxel_mm: Vector = np.zeros(3)
+        self.scanner_from_scan: Matrix | None = None
         # The result that the log's latest removal rests on: its time is told once.
         self._credited: object = None
 
@@ -272,7 +277,7 @@ class Document:
 
     def resize(self, wanted: Sequence[int]) -> None:
         """Take over the window's height and width in pixels."""
-        size = int(wanted[0]), int(wanted[1])
+        size = checked_size(wanted)
         if size == self.view_state.canvas_size:
             return
         self.see(canvas_size=size)
@@ -414,3 +419,26 @@ class Document:
             name = listed(self.names([object_id]))
             raise ValueError(f"{name} is not unpacked: unpack it first")
         return self.state.placements[object_id]
+
+
+def begin_at(document: Document, first_voxel_mm: ArrayLike) -> None:
+    """Take over where a bag begins in the scan it was cut out of, z y x; `ValueError` if nowhere.
+
+    Parameters
+    ----------
+    document : Document
+    first_voxel_mm : (3,) array_like of float
+    """
+    document.first_voxel_mm = checked_array(first_voxel_mm, (3,), "first_voxel_mm")
+
+
+def lie_in(document: Document, scanner: ArrayLike | None) -> None:
+    """Take over where surfaces of a bag belong; `ValueError` if that is no matrix.
+
+    Parameters
+    ----------
+    document : Document
+    scanner : (4, 4) array_like of float, optional
+    """
+    given = None if scanner is None else checked_array(scanner, (4, 4), "scanner_from_scan")
+    document.scanner_from_scan = given

@@ -45,9 +45,9 @@ def listed_objects(names: Iterable[str]) -> str:
     """Join names for a sentence: "Objects 5 and 6" of "Object 5" and "Object 6"."""
     found = list(names)
     numbers = [name.removeprefix("Object ") for name in found]
-    # Default names alone; names that people gave stay whole.
+    # Default names alone; names that people gave, and those of parts, stay whole.
     if len(found) > 1 and all(
-        name == f"Object {n}" for name, n in zip(found, numbers, strict=True)
+        name == f"Object {n}" and n.isdecimal() for name, n in zip(found, numbers, strict=True)
     ):
         return f"Objects {listed(numbers)}"
     return listed(found)

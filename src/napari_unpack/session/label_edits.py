@@ -221,7 +221,7 @@ class LabelEditor:
         Raises
         ------
         ValueError
-            If there is no such object, it is outside the bag, or the voxels are not in it.
+            If there is no such object, it is outside the bag, or the voxels are not in it or one.
         """
         session, now = self._session, self._session.label_data
         (object_id,) = checked_ids(object_id, now.known, "object_id")
@@ -232,6 +232,8 @@ class LabelEditor:
             inside = spot.shape == (3,) and ((spot >= 0) & (spot < now.labels.shape)).all()
             if not inside or now.labels[tuple(spot.astype(int))] != object_id:
                 raise ValueError(f"{name} must be a voxel of object {object_id}, got {point}")
+        if np.array_equal(np.asarray(a).astype(int), np.asarray(b).astype(int)):
+            raise ValueError(f"a and b must be two different voxels, got {a} twice")
         new_id = _unused_id(now)
         volume, mm = session.volume, session.spacing.tolist()
         return self._task(

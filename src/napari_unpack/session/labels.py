@@ -48,7 +48,7 @@ def object_table(
         Indexed by ID. Its columns are kept, its rows of other objects dropped.
     given_ids : (M,) ndarray of int64, optional
         By ID, the one people know it by: in the index of `given`, in names, and in a column
-        `label` of the table. None where that is the ID itself.
+        `label` of the table, unless the given one has another. None where that is the ID itself.
 
     Returns
     -------
@@ -59,7 +59,8 @@ def object_table(
     Raises
     ------
     ValueError
-        If the given table's index holds an ID twice, or words stand where numbers belong.
+        If the given table's index holds an ID twice, a column's name is not one or not its own,
+        or words stand where numbers belong.
     """
     import pandas as pd
 
@@ -83,7 +84,13 @@ def object_table(
         return found
     if not given.index.is_unique:
         raise ValueError("objects must have each ID once in its index")
+    if given.columns.nlevels > 1 or not given.columns.is_unique:
+        raise ValueError(
+            f"objects must have one name for each column, and each once, got {[*given.columns]}"
+        )
     known = _plain_columns(given.reindex(known_by).set_index(found.index))
+    if given_ids is not None and not _says_ids(known, known_by):
+        del found["label"]
     # Ground truth of simulated bags says kinds and no names.
     if "name" not in known and "kind" in known:
         found["name"] = [
@@ -97,6 +104,12 @@ def object_table(
             found[column] = given_column.where(given_column.notna(), found[column])
     extra = [column for column in known if column not in found]
     return found.join(known[extra])
+
+
+def _says_ids(table: pd.DataFrame, ids: NDArray[np.int64]) -> bool:
+    """Tell whether the column `label`, where there is one, is of IDs and not a person's own."""
+    own = table.get("label")
+    return own is None or bool((own.isna() | (own == ids)).all())
 
 
 def _names(column: pd.Series) -> pd.Series:
@@ -425,6 +438,9 @@ class LabelData:
             if RATIO in self.facts:
                 # Of an object that is no more what it was, the one measured before is wrong.
                 after[RATIO] = _surfaces(part, spacing)[new.ids] / after["volume_mm3"]
+            known_by = None if self.given_ids is None else self.given_ids[self.boxes.ids]
+            if known_by is not None and not _says_ids(self.facts, known_by):
+                del after["label"]
             after = _completed(after, before, change, self.facts)
             # Where none is known, a column with a few numbers would seem to rate the others.
             if self.facts["confidence"].notna().any():
@@ -462,7 +478,10 @@ class LabelData:
         # Another model's confidence would stand beside this one's: it is asked for again.
         if step.rating is not self.rating:
             come = come.assign(confidence=np.nan)
-        return _exchanged(self.facts, gone, come)
+        found = _exchanged(self.facts, gone, come)
+        # A new object without a value had made whole numbers floats: undo brings back what was.
+        # Scores are those of now.
+        return found if target else found.astype(come.dtypes.drop("confidence").to_dict())
 
     def _moved(
         self,
@@ -512,6 +531,13 @@ def _exchanged(facts: pd.DataFrame, gone: pd.DataFrame, come: pd.DataFrame) -> p
     import pandas as pd
 
     rest = facts.drop(index=gone.index)
+    # IDs of 64 bits beside missing ones stay whole, which they would not as floats.
+    large = [
+        name
+        for name, column in facts.items()
+        if column.dtype.kind in "iu" and come[name].hasnans and column.abs().max() > 2**53
+    ]
+    rest = rest.astype(dict.fromkeys(large, object))
     # Empty tables would turn whole numbers of the others into floats.
     rows = [table for table in (rest, come) if len(table)]
     return pd.concat(rows).sort_index().rename_axis("id") if rows else rest

@@ -139,6 +139,14 @@ def owner_after(
     return int(after[box][tuple(nearest)]) or point.object_id
 
 
+def _among(measurement: Measurement, known: frozenset[int]) -> Measurement:
+    """Return a measurement whose points on objects that are no more are points of none."""
+    if measurement.objects <= known | {0}:
+        return measurement
+    points = measurement.points
+    return Measurement(tuple(p if p.object_id in known else SurfacePoint(0, p.at) for p in points))
+
+
 class Measurements:
     """The measurements of a session, in the order in which they were made.
 
@@ -151,7 +159,9 @@ class Measurements:
         self._doc = document
 
     def __iter__(self) -> Iterator[Measurement]:
-        return iter(self._doc.state.measurements)
+        # The state keeps which object a point was on, for undo of its deletion.
+        known = self._doc.label_data.known
+        return (_among(one, known) for one in self._doc.state.measurements)
 
     def __len__(self) -> int:
         return len(self._doc.state.measurements)

@@ -22,10 +22,11 @@ from napari_unpack.rendering.scene import Scene
 from napari_unpack.session import commands, validation
 from napari_unpack.session.annotations import Annotations
 from napari_unpack.session.bag_cut import Cutting
+from napari_unpack.session.colors import first_transfer_function
 from napari_unpack.session.containers import OpenedBags
 from napari_unpack.session.delegates import Read, Setting
 from napari_unpack.session.directions import resolved
-from napari_unpack.session.document import Document
+from napari_unpack.session.document import Document, begin_at, lie_in
 from napari_unpack.session.errors import NobodyFreeError, listed
 from napari_unpack.session.label_edits import EditedLabels, LabelEditor
 from napari_unpack.session.labels import LabelData, Rating, object_table
@@ -54,7 +55,7 @@ class Session:
     labels : (Z, Y, X) array_like of int
         Object IDs, 0 background, of at most 65,535 objects. Where one is above 65,535 the
         session numbers the objects anew; `label_of` gives the ID of old. Neither volume nor
-        uint16 labels are copied: what is written to them later is the session's as well.
+        uint16 labels are copied: give copies if you write to yours later (see `label_editor`).
     spacing : (3,) array_like
         Voxel size in mm, z y x.
     objects : DataFrame, optional
@@ -75,10 +76,8 @@ class Session:
     measurements : Measurements
     cutting : Cutting
         The cutting plane and the clipping box, which are among `clipping`.
-    scanner_from_scan, assumed : (4, 4) ndarray of float64 or None, tuple of str
-        As in a `Scan`: where its surfaces belong, and what its file does not say.
-    first_voxel_mm : (3,) ndarray of float64
-        Where it begins in the scan it was cut out of, as an opened container is, z y x.
+    assumed : tuple of str
+        As in a `Scan`: what its file does not say.
     opened_bags : OpenedBags
     review : Review
     flights, history, events
@@ -109,7 +108,7 @@ class Session:
         data = LabelData(checked, boxes, facts, given_ids)
         # Good for no view in particular, until one is chosen by what touches in it.
         hues = {i: golden_hue(i) for i in data.ids}
-        state = SessionState(TransferFunction.default_for(density), hues)
+        state = SessionState(first_transfer_function(density), hues)
         view = View()
         view_state = ViewState(view, view.camera(checked.shape, mm))
         rules = UnpackingRules()
@@ -148,8 +147,6 @@ class Session:
         self.flights, self.queries, self.log = document.flights, document.queries, document.log
         self.label_editor, self.annotations = LabelEditor(document), Annotations(document)
         self.measurements, self.cutting = Measurements(document), Cutting(document)
-        self.scanner_from_scan: Matrix | None = None
-        self.first_voxel_mm = np.zeros(3)
         self.assumed: tuple[str, ...] = ()
         self._scene_description, self.opened_bags = SceneDescription(), OpenedBags()
         self.review = Review(document, self.label_editor)
@@ -251,6 +248,10 @@ class Session:
         lambda s, v: s._doc.see(hue_margin=validation.checked_margin(v)),
     )
     """Fraction of every hue arc left empty; neighbours are at least hue_margin / C apart."""
+    scanner_from_scan = Setting(lambda s: s._doc.scanner_from_scan, lambda s, v: lie_in(s._doc, v))
+    """As in a `Scan`: where its surfaces belong, a (4, 4) ndarray of float64 or None."""
+    first_voxel_mm = Setting(lambda s: s._doc.first_voxel_mm, lambda s, v: begin_at(s._doc, v))
+    """Where it begins in the scan it was cut out of, as an opened container is: (3,) mm, z y x."""
     away_from_table = Setting(
         lambda s: s._doc.view_state.up, lambda s, v: s._doc.see(up=unit(v, "away_from_table"))
     )
@@ -285,8 +286,9 @@ class Session:
         self._doc.look(camera, view)
 
     def look(self, camera: Camera) -> None:
-        """Take over the camera that draws; ValueError if its rotation enlarges or mirrors."""
+        """Take over the camera that draws; ValueError if its rotation or stretch is none."""
         validation.checked_rotation(camera.rotation)
+        validation.checked_stretch(camera.stretch)
         direction, up, center = (triple(v) for v in (camera.direction, camera.up, camera.center))
         view = View(direction, up, center, camera.height, camera.fov)
         self._doc.look(camera, view)
@@ -331,7 +333,7 @@ class Session:
     def transfer_function_of(self, object_id: int) -> TransferFunction:
         """Return what an object outside the bag is shown with; see `Scene`."""
         # Asked of the scene, so that what is told is what is drawn.
-        return self.scene().transfer_function_of(object_id)
+        return self.scene().transfer_function_of(self._doc.one(object_id))
 
     def packed_tints(self) -> NDArray[np.float32]:
         """Return the (M, 4) float32 tints of what is packed; zero for all else."""
@@ -339,7 +341,7 @@ class Session:
 
     def solo_tints(self, object_id: int) -> NDArray[np.float32]:
         """Return the (M, 4) float32 tints that show one object alone."""
-        return self.scene().tints_alone(object_id)
+        return self.scene().tints_alone(self._doc.one(object_id))
 
     def scene(self) -> Scene:
         """Return what images show of this session now; cheap, on the main thread."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,13 @@ from napari_unpack.geometry.axes import Matrix, fixed, is_integer, number
 from napari_unpack.geometry.relabeling import compact_labels
 from napari_unpack.geometry.transforms import Pose, is_rotation
 from napari_unpack.rendering import validation
+from napari_unpack.rendering.object_style import ObjectStyle
 
 # Kernels and textures see labels of 16 bits.
 MOST_ID = 65535
+
+WIDEST = 65_535
+"""Pixels of a window; GPUs take textures of 16,384 or 32,768."""
 
 
 def checked_volume(volume: ArrayLike) -> NDArray[Any]:
@@ -260,6 +265,100 @@ def checked_count(n: int) -> int:
     if n < 1:
         raise ValueError(f"n_or_ids must be at least 1 object, or a list of IDs, got {n!r}")
     return int(n)
+
+
+def checked_array(value: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray[np.float64]:
+    """Return finite numbers of a shape as a float64 array, a copy.
+
+    Parameters
+    ----------
+    value : array_like
+    shape : tuple of int
+    name : str
+        Of the argument, for the message.
+
+    Raises
+    ------
+    ValueError
+        If they are others.
+    """
+    try:
+        found = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        found = np.empty(0)
+    if found.shape != shape or not np.isfinite(found).all():
+        size = " x ".join(map(str, shape))
+        # In one line.
+        given = value.tolist() if isinstance(value, np.ndarray) else value
+        raise ValueError(f"{name} must be {size} finite numbers, got {given!r}")
+    return found
+
+
+def checked_style(style: ObjectStyle | None) -> ObjectStyle | None:
+    """Return a style whose cut is a plane.
+
+    Raises
+    ------
+    TypeError
+        If it is no style.
+    ValueError
+        If the cut is not a point and a normal that is not 0.
+    """
+    if style is None:
+        return None
+    checked_kind(style, ObjectStyle, "style")
+    if style.cut is None:
+        return style
+    point, normal = checked_array(style.cut, (2, 3), "cut of the style")
+    if not 0.0 < np.linalg.norm(normal) < np.inf:
+        raise ValueError(f"cut of the style must have a normal that is not 0, got {style.cut!r}")
+    return replace(style, cut=(point, normal))
+
+
+def checked_stretch(
+    stretch: ArrayLike, name: str = "stretch", least: float = 0.0
+) -> NDArray[np.float64]:
+    """Return how the world is stretched; see `Camera.stretch`.
+
+    Parameters
+    ----------
+    stretch : (3, 3) array_like of float
+    name : str
+        Of the argument, for the message.
+    least : float
+        What lengths shrink to is larger.
+
+    Raises
+    ------
+    ValueError
+        If it is not symmetric, definite and of determinant 1 or -1.
+    """
+    found = checked_array(stretch, (3, 3), name)
+    # A mirroring affine has a negative determinant, and its stretch is negative definite.
+    lengths = np.linalg.eigvalsh(found * np.sign(np.linalg.det(found)))
+    same = np.allclose(found, found.T, atol=1e-6)
+    if not same or lengths.min() <= least or abs(np.prod(lengths) - 1) > 1e-3:
+        raise ValueError(
+            f"{name} must be symmetric, definite and of determinant 1 or -1, got {found.tolist()}"
+        )
+    return found
+
+
+def checked_size(size: Sequence[int]) -> tuple[int, int]:
+    """Return height and width of a window in pixels.
+
+    Raises
+    ------
+    ValueError
+        If they are not two whole numbers from 1 to `WIDEST`.
+    """
+    found = list(size) if np.iterable(size) else []
+    if len(found) != 2 or not all(is_integer(n) and 0 < n <= WIDEST for n in found):
+        raise ValueError(
+            "canvas_size must be height and width, two whole numbers of pixels from 1 to "
+            f"{WIDEST}, got {size!r}"
+        )
+    return int(found[0]), int(found[1])
 
 
 def checked_planes(planes: ArrayLike | None) -> NDArray[np.float64]:

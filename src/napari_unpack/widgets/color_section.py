@@ -61,9 +61,10 @@ def transfer_function(name: str, volume: ArrayLike) -> TransferFunction:
         If there is no such name, or nothing can be fitted to the volume.
     """
     from napari_unpack.appearance import TransferFunction
+    from napari_unpack.session.colors import first_transfer_function
 
     if name == AUTOMATIC:
-        return TransferFunction.default_for(volume)
+        return first_transfer_function(np.asarray(volume))
     if name not in PRESETS:
         raise ValueError(f"no transfer function {name!r}: choose one of {', '.join(PRESETS)}")
     return TransferFunction.preset(PRESETS[name]).shifted(ct_offset(volume) or 0.0)

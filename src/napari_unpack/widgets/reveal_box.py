@@ -79,7 +79,7 @@ class RevealPlanner(QObject):
         if session is None:
             return
         with errors_shown():
-            # None where the survey of directions is known: then the plan takes no time.
+            # None where the plan is known: then it takes no time.
             task = session.queries.reveal_plan_task(object_id)
             if task is None:
                 self._show(session.reveal_plan(object_id))
@@ -132,6 +132,9 @@ class RevealPlanner(QObject):
             elif object_id in session.queries.packed:
                 # D has turned meanwhile; the survey is kept, so this takes a moment.
                 self.reveal(object_id)
+            elif not object_id:
+                # Something has left or come back meanwhile.
+                self.find_best_direction()
 
     def _fail(self, error: Exception) -> None:
         self.busy.emit(self.running)

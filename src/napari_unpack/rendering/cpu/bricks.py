@@ -20,6 +20,10 @@ from napari_unpack.rendering.cpu.thread_pool import over_bands
 Density = NDArray[np.uint16] | NDArray[np.float32]
 
 
+# Voxels that one thread looks over alone.
+SMALL = 1 << 16
+
+
 @dataclass(frozen=True, eq=False)
 class Bricks:
     """Density range and objects of every brick; made once a volume, asked at every change.
@@ -70,7 +74,9 @@ class Bricks:
                 _ranges(volume, first, last, low, high)
             found.append((first, _objects(labels, first, last, counts)))
 
-        over_bands(grid[0], work, lambda: None, threads, band=1)
+        # Others take longer to start than a small object to look over.
+        few = 1 if threads is None and labels.size <= SMALL else threads
+        over_bands(grid[0], work, lambda: None, few, band=1)
         starts = np.concatenate([[0], np.cumsum(counts.ravel())])
         ids = np.concatenate([part for _, part in sorted(found, key=lambda pair: pair[0])])
         return cls(low, high, starts, ids)

@@ -17,6 +17,9 @@ from napari_unpack.rendering.cpu.compositing import correction, march
 from napari_unpack.rendering.cpu.ray_sampling import BRICK, band_of, clipping_planes, ray_numbers
 from napari_unpack.rendering.cpu.thread_pool import over_bands
 
+# Voxels along all rays that one thread casts alone.
+FEW = 1 << 16
+
 
 def tinted(
     volume: Density,
@@ -103,7 +106,9 @@ def tinted(
     def blocks() -> BrickCache:
         return BrickCache.of(volume, full, bricks)
 
-    over_bands(rays.size[0], work, blocks, threads, band=band_of(rays.size[0]))
+    # Others take longer to start than a small object to cast.
+    few = 1 if threads is None and depth.size * max(labels.shape) <= FEW else threads
+    over_bands(rays.size[0], work, blocks, few, band=band_of(rays.size[0]))
     return image, depth
 
 
