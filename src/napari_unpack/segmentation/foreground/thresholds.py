@@ -20,12 +20,6 @@ BROKEN = 0.0005
 # Of all voxels. With less, and a lower threshold within the noise, 5 to 83 objects were found about
 # a single thing; from 0.7 % on it was right. Nuclei fill 46 % above the upper threshold.
 LITTLE_FOREGROUND = 0.01
-# Of the foreground, below it and above the noise. Measured: 0.02 at most about a single thing, 0.08
-# and more in noisy bags.
-LITTLE_FAINT = 0.05
-# Deviations of the noise by which foreground stands above the air that no noise hides. Measured: 66
-# of one small thing in much air, 3 of nuclei.
-CLEAR = 10.0
 
 # Voxels of a blurred fringe that are taken off at most.
 FRINGE = 2
@@ -80,17 +74,10 @@ def find_levels(volume: NDArray[np.generic]) -> Levels:
         top = float(sample.max())
     levels = _levels(sample, top, 0)
     # Of hardly any foreground the lower threshold parts the noise.
-    noise = noise_of_steps(grid)
-    if levels.high - levels.air < 3 * noise:
+    if levels.high - levels.air < 3 * noise_of_steps(grid):
         # All of it may lie above the quantile.
         upper = _levels(sample, float(sample.max()), 1)
-        above = sample[sample > upper.low]
-        # As it does below things far above it, where there is nothing else, such as cloth.
-        clear = len(above) and float(np.median(above)) > upper.air + CLEAR * noise
-        between = np.count_nonzero(sample > upper.air + 4 * noise) - len(above)
-        if len(above) < LITTLE_FOREGROUND * len(sample) or (
-            clear and between < LITTLE_FAINT * len(above)
-        ):
+        if (sample > upper.low).mean() < LITTLE_FOREGROUND:
             return upper
     return levels
 
