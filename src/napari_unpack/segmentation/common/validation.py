@@ -97,11 +97,19 @@ _LEAST_GAP = 0.2
 """Of the smallest value, by which the others lie above it where it says that nothing was measured:
 streaks and noise reach down to their smallest value without a gap."""
 
+_FEW = 0.0005
+"""Of all voxels, that may be broken."""
+
+_MOST_UNEVEN = 0.01
+"""Of the voxels of padding, in columns that are not of it from end to end."""
+
 
 def padding_of(values: NDArray[Any]) -> float | None:
     """Return the smallest value where it stands for "nothing measured", as outside a round slice.
 
-    It does where it is below the CT number of air and far from all others, as -2000 and -32768 are.
+    It does where it is below the CT number of air and far from all others, as -2000 and -32768
+    are, and is no background of things cut out: it has few voxels, or goes through the volume from
+    end to end as what is outside a scanner's circle does.
 
     Parameters
     ----------
@@ -114,12 +122,24 @@ def padding_of(values: NDArray[Any]) -> float | None:
     if not low < _LOWEST_AIR:
         return None
     least, most = np.inf, -np.inf
+    # How many voxels of it there are along every line of voxels, by axis.
+    lines: list[Any] = [np.zeros(values.shape[1:], np.int64), [], []]
     for plane in values:
-        above = plane[plane > low]
+        above, padded = plane[plane > low], plane == low
         if len(above):
             least, most = min(least, float(above.min())), max(most, float(above.max()))
+        lines[0] += padded
+        for axis in (0, 1):
+            lines[axis + 1].append(np.count_nonzero(padded, axis=axis))
     # Of two values the smaller is the background.
-    return low if least < most and least / 2 - low / 2 > _LEAST_GAP * -low / 2 else None
+    if not least < most or not least / 2 - low / 2 > _LEAST_GAP * -low / 2:
+        return None
+    number = int(lines[0].sum())
+    uneven = min(
+        np.where(np.array(counts) < length, counts, 0).sum()
+        for counts, length in zip(lines, values.shape, strict=True)
+    )
+    return low if number <= _FEW * values.size or uneven <= _MOST_UNEVEN * number else None
 
 
 def without_padding(values: NDArray[Any], padding: float | None) -> NDArray[Any]:
