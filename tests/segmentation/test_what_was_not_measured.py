@@ -69,7 +69,10 @@ def test_a_single_broken_voxel_moves_no_level(value: int) -> None:
 def test_the_smallest_value_is_air_unless_it_is_far_below_air_and_all_others() -> None:
     noise = np.random.default_rng(1).normal(0, 60, boxes().shape)
     matter = np.where(boxes() > 500, 1000.0, 0.0)
+    cut_out = matter - 2000
+    cut_out[24:34, 24:34, 0:20] = -500
     for given in (
+        cut_out,
         matter,
         matter - 1000,
         matter - 2000,

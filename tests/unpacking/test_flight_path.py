@@ -151,6 +151,14 @@ def test_nobody_flies_through_the_eye():
         assert flight().pose_at(fraction, near).center[0] <= 0.6 * near.distance + 1e-9
 
 
+def test_what_has_no_room_towards_the_eye_turns_aside_at_once() -> None:
+    near = View(direction=(0, 0, 1), fov=120.0, height=20.0).camera(SHAPE, SPACING)
+    towards = replace(flight(), box_center=np.array([50.0, 50.0, 12.0]))
+    assert towards.first_leg(near) == 0.0
+    start, soon = (towards.pose_at(f, near).center for f in (0.0, 0.2))
+    assert np.linalg.norm(soon - start) > 1.0
+
+
 @pytest.mark.parametrize("d", [(0.0, 0.0, -1.0), (0.4, -0.5, -0.9)])
 @pytest.mark.parametrize("height", [200.0, 100.0, 40.0, 20.0])
 def test_in_a_view_zoomed_in_an_object_never_goes_back_nor_aside_on_its_first_leg(d, height):

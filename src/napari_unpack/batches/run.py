@@ -251,6 +251,10 @@ def _fetched(future: Any, scan: ScanInput, look: Callable[[], None]) -> ScanResu
         except TimeoutError:
             # The worker that had it is gone: another one does the scan again.
             look()
+        except Exception:
+            # Which may fail, too.
+            if future.status != "error":
+                raise
         else:
             return result
     return _lost(scan, future.exception())

@@ -353,7 +353,8 @@ def checked_size(size: Sequence[int]) -> tuple[int, int]:
         If they are not two whole numbers from 1 to `WIDEST`.
     """
     found = list(size) if np.iterable(size) else []
-    if len(found) != 2 or not all(is_integer(n) and 0 < n <= WIDEST for n in found):
+    whole = [is_integer(n) or (isinstance(n, float) and n.is_integer()) for n in found]
+    if len(found) != 2 or not all(whole) or not all(0 < n <= WIDEST for n in found):
         raise ValueError(
             "canvas_size must be height and width, two whole numbers of pixels from 1 to "
             f"{WIDEST}, got {size!r}"

@@ -306,15 +306,16 @@ class Flight:
         leg = outside.center - leaving.center
         length = float(np.linalg.norm(leg))
         room = _nearest_depth(leaving, camera) - leaving.center[0]
+        cut = 1.0
         if leg[0] > room:
             # Along D still, so that it meets nothing there.
-            leg = leg * (room / leg[0])
-            outside = replace(outside, center=leaving.center + leg)
+            cut = float(room / leg[0])
+            outside = replace(outside, center=leaving.center + cut * leg)
         if length == 0.0:
             return leaving, outside, 0.0
         # The same for all that leave together, wherever each is going.
         share = length / (length + USUAL_SECOND_LEG * self.around.radius)
-        return leaving, outside, float(np.clip(share, *SHARE_OF_FIRST_LEG))
+        return leaving, outside, cut * float(np.clip(share, *SHARE_OF_FIRST_LEG))
 
     def reversed(self, time: float) -> Flight:
         """Return the flight that turns round at this time, from where the object is then."""
