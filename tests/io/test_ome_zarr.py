@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from napari_unpack.io import load_volume
+from napari_unpack.io import load_labels, load_volume
 from napari_unpack.io.file_data import LABELS_LEFT_OUT
+from napari_unpack.io.labels_on_volume import scan_with_label_file
 from napari_unpack.io.napari_reader import read_layers
 from napari_unpack.io.ome_zarr import stored_volume
 
@@ -51,6 +52,10 @@ def test_each_time_point_has_its_own_labels(tmp_path: Path, axes: str) -> None:
     for t in (0, 1):
         found = load_volume(path, {"t": t} | channel)
         np.testing.assert_array_equal(found.labels, LABELS[t])
+    np.testing.assert_array_equal(load_labels(path)[0], LABELS[0])
+    laid = scan_with_label_file(load_volume(path, {"t": 1} | channel), path)
+    np.testing.assert_array_equal(laid.labels, LABELS[0])
+    assert laid.assumed == ("its labels are those of the first of 2 time points",)
     image, labels = read_layers(str(path))
     assert image[1]["axis_labels"] == labels[1]["axis_labels"] == tuple(axes)
     there = {"tzyx": (1,), "tczyx": (1, 2), "ctzyx": (2, 1)}[axes]

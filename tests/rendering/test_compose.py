@@ -291,6 +291,16 @@ def test_numbers_cover_neither_each_other_nor_the_lengths_their_lines(angle, tur
             assert (np.abs(points - number) > np.array([7.0, 25.0])).any(axis=1).all()
 
 
+def test_numbers_in_a_throng_stay_near_their_lines() -> None:
+    drawn = [np.array([[150.0, 100.0], [150.0, 300.0]])] * 9
+    first, *others = number_places(drawn, [[(14.0, 50.0)]] * 9, (300, 400), 1.0)
+    far = np.linalg.norm(np.array(others) - first, axis=-1)
+    assert far[0] > 0
+    assert (far < 40).all()
+    # Where none is free it is as if it were alone.
+    assert far[-1] == 0
+
+
 @pytest.mark.parametrize("spacing", [1.0, 1e7, 1e9])
 def test_a_sprite_is_cast_anew_for_another_zoom_however_large_voxels_are(spacing) -> None:
     bag = simulated()

@@ -386,6 +386,12 @@ def test_nothing_is_pointed_at_that_has_gone_from_under_the_mouse(staged, sessio
     assert interaction.pointed == 0
     at_rest(controller, qtbot)
     assert not ghost.quads_at(controller.frame)
+    # Slices show it where it was.
+    controller.leave()
+    interaction.point_at(2, in_slice=True)
+    controller.unpack([2])
+    assert interaction.pointed == 2
+    assert controller.packed.words
 
 
 def test_the_status_bar_names_what_is_under_the_mouse_now(

@@ -20,6 +20,9 @@ LABELS_LEFT_OUT = "its labels have another shape than its volume: they were left
 
 NO_UNIT = "it names no unit of length: mm was assumed"
 
+FIRST_LABELS = "its labels are those of the first of"
+"""How many time points there are follows."""
+
 # What an axis that is none of space is called in messages, by its letter.
 _AXIS_NAMES = {"c": "channel", "t": "time point"}
 

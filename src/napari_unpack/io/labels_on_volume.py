@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.axes import Matrix
-from napari_unpack.io.file_data import FileData, size_text
+from napari_unpack.io.file_data import FIRST_LABELS, FileData, size_text
 from napari_unpack.io.scan import Scan, Spacing
 from napari_unpack.io.volumes import load_label_file, printable
 
@@ -35,7 +35,8 @@ def scan_with_label_file(scan: Scan, path: Path, large: bool = False) -> Scan:
     Returns
     -------
     Scan
-        Without names. Where the labels do not lie on the volume, `assumed` says so.
+        Without names. Where the labels do not lie on the volume, or are of the first of several
+        time points, `assumed` says so.
 
     Raises
     ------
@@ -43,9 +44,11 @@ def scan_with_label_file(scan: Scan, path: Path, large: bool = False) -> Scan:
         As for `load_labels` and `Scan.with_labels`.
     """
     whole = FileData(scan.volume, spacing=scan.spacing, scanner_from_scan=scan.scanner_from_scan)
-    labels, said = laid_over(load_label_file(path, large), whole)
+    found = load_label_file(path, large)
+    labels, said = laid_over(found, whole)
     labels = np.ascontiguousarray(labels)
-    told = (f"its labels ({printable(path.name)}) {said}",) if said else ()
+    told = [words for words in found.assumed if words.startswith(FIRST_LABELS)]
+    told += [f"its labels ({printable(path.name)}) {said}"] if said else []
     return replace(scan.with_labels(labels), assumed=(*scan.assumed, *told))
 
 

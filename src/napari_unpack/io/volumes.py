@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from napari_unpack.atomic import check_space, check_writable, checked_target, given_path
 from napari_unpack.file_sizes import check_plain_file
 from napari_unpack.io.arrays import read_names, read_npy, read_npz, write_npz
-from napari_unpack.io.file_data import FileData
+from napari_unpack.io.file_data import FIRST_LABELS, FileData
 from napari_unpack.io.scan import Scan, Spacing, check_scan, checked_label_array
 from napari_unpack.read_errors import read_errors_told
 
@@ -91,7 +91,8 @@ def load_labels(path: str | Path, large: bool = False) -> tuple[NDArray[Any], Sp
     Parameters
     ----------
     path : str or Path
-        As for `load_volume`. Of an .npz or OME-Zarr with both, the labels are taken.
+        As for `load_volume`. Of an .npz or OME-Zarr with both, the labels are taken; those of the
+        first time point where each has its own.
     large : bool
         As for `load_volume`.
 
@@ -124,7 +125,12 @@ def load_label_file(path: str | Path, large: bool = False) -> FileData:
         raise ValueError(f"{path} holds a volume without labels that fit it: name a file of labels")
     array = found.labels if found.labels is not None else found.one_volume({}, path).volume
     assert array is not None, "every reader gives one of them"
-    return replace(found, volume=None, labels=checked_label_array(array, path))
+    assumed = found.assumed
+    if found.labels is not None and "t" in found.axes and array.ndim == 4:
+        assumed += (f"{FIRST_LABELS} {len(array)} time points",)
+        array = array[0]
+    labels = checked_label_array(array, path)
+    return replace(found, volume=None, labels=labels, assumed=assumed)
 
 
 def save_scan(scan: Scan, path: str | Path) -> list[Path]:

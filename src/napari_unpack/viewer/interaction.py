@@ -65,6 +65,7 @@ class Interaction:
         self._tool: ClickTool | None = None
         self._target = target
         self._pointed = 0
+        self._in_slice = False
         # How things were when the mouse came upon it.
         self._found: tuple[object, ...] = ()
         # None once its name may be another.
@@ -166,9 +167,18 @@ class Interaction:
 
     # What the mouse does.
 
-    def point_at(self, object_id: int) -> None:
-        """Show which object the mouse is on, 0 for none."""
+    def point_at(self, object_id: int, in_slice: bool = False) -> None:
+        """Show which object the mouse is on.
+
+        Parameters
+        ----------
+        object_id : int
+            0 for none.
+        in_slice : bool
+            Whether a slice shows it, which stays as it is when objects leave the bag.
+        """
         # Every movement of the mouse comes here.
+        self._in_slice = in_slice
         if object_id == self._named:
             return
         self._pointed = self._named = object_id
@@ -189,7 +199,8 @@ class Interaction:
         What has gone from under the mouse, or was dimmed for an inspection, is no longer pointed
         at, the mouse unmoved.
         """
-        if self._pointed and self._found != self._whereabouts():
+        is_there = self._in_slice and self._pointed in self._target.session.states
+        if self._pointed and not is_there and self._found != self._whereabouts():
             self.point_at(0)
         self._named = None
 
@@ -253,7 +264,7 @@ class Interaction:
             handle = self._target.cut_handle.point_at(self._in_frame(pixel), self._frame)
             self.point_at(0 if handle else self.under(pixel))
         else:
-            self.point_at(self.in_slice(event.position))
+            self.point_at(self.in_slice(event.position), in_slice=True)
 
     def _double_click(self, viewer: napari.Viewer, event: MouseEvent) -> None:
         if self.tool is not None:

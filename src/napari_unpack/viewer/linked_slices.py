@@ -189,7 +189,7 @@ class LinkedSlices:
         """Move the crosshair, and show the point and its object in the 3D view."""
         self._go_to(self._voxel(voxel))
         self._mark(True)
-        self._controller.interaction.point_at(self.object_at(self.crosshair))
+        self._controller.interaction.point_at(self.object_at(self.crosshair), in_slice=True)
 
     def click_at(self, there: ArrayLike, modifiers: Collection[str] = ()) -> None:
         """Select the object at a voxel, none where there is none; or hand a tool its point.
