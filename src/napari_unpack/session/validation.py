@@ -352,7 +352,7 @@ def checked_size(size: Sequence[int]) -> tuple[int, int]:
     ValueError
         If they are not two whole numbers from 1 to `WIDEST`.
     """
-    found = list(size) if np.iterable(size) else []
+    found: list[Any] = list(size) if np.iterable(size) else []
     whole = [is_integer(n) or (isinstance(n, float) and n.is_integer()) for n in found]
     if len(found) != 2 or not all(whole) or not all(0 < n <= WIDEST for n in found):
         raise ValueError(
