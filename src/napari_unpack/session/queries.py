@@ -197,6 +197,9 @@ class Queries:
         """
         key = self._occlusion_key()
         known = self._known_occlusion(key, finer)
+        if known is not None and not known.groups(key.packed, self._session.rules.max_group_size):
+            # `filled_queue` would ask anew, and the window would wait for it.
+            known = self._cache.find(key, OcclusionKey.equals)
         if not key.packed or (known is not None and known.is_swept(sure, key.packed)):
             return None
         return self._occlusion_inputs().task(key, known, sure)
@@ -221,9 +224,8 @@ class Queries:
     def _occlusion_inputs(self) -> OcclusionInputs:
         session = self._session
         lower, upper, pitch = session.bag.lower, session.bag.upper, float(session.spacing.min())
-        user, backend = session.view_state.camera, session.backend
-        rays, data = session.ray_queries, session.label_data
-        return OcclusionInputs(rays, data, lower, upper, pitch, user, backend)
+        rays, data, backend = session.ray_queries, session.label_data, session.backend
+        return OcclusionInputs(rays, data, lower, upper, pitch, session.view_state.camera, backend)
 
     def next_unpackable_task(
         self,
@@ -311,8 +313,6 @@ class Queries:
             return None
         least = known.least_occluded(packed)
         return least, float(known.first_hit.get(least, 0.0))
-
-    # Which objects leave by one command.
 
     def filled_queue(self, queue: Queue, packed: frozenset[int], agreed: bool = False) -> Queue:
         """Return a queue, filled where it was dry, made for another D, or known better by now.
