@@ -117,9 +117,10 @@ def earlier_tests_out_of_the_collectors_way() -> None:
 
 @pytest.fixture(autouse=True)
 def mouse_buttons_let_go(qapp: Any) -> Iterator[None]:
-    """Let go of the mouse after each test: what follows the keys asks whether a button is held.
+    """Let go of mouse and keys after each test: the next one asks whether any is held.
 
-    Qt's double click for tests ends with the button held, as does a press alone.
+    Qt's double click for tests ends with the button held, as does a press alone, and a click with
+    Shift leaves Shift held until the next event.
     """
     yield
     from qtpy.QtCore import Qt
@@ -128,6 +129,8 @@ def mouse_buttons_let_go(qapp: Any) -> Iterator[None]:
 
     button = Qt.MouseButton
     held = [b for b in (button.LeftButton, button.RightButton) if b & qapp.mouseButtons()]
+    if qapp.keyboardModifiers() != Qt.KeyboardModifier.NoModifier:
+        held = held or [button.LeftButton]
     if held:
         elsewhere = QWidget()
         for one in held:
