@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.axes import Matrix
+from napari_unpack.geometry.rays import world_from_voxel
 from napari_unpack.io.file_data import FIRST_LABELS, FileData, size_text
-from napari_unpack.io.scan import Scan, Spacing
+from napari_unpack.io.scan import Scan
 from napari_unpack.io.volumes import load_label_file, printable
 
 _LARGEST_SHIFT = 0.5
@@ -79,9 +80,8 @@ def laid_over(labels: FileData, volume: FileData) -> tuple[NDArray[Any], str]:
     theirs, ours = labels.scanner_from_scan, volume.scanner_from_scan
     if theirs is None or ours is None:
         return array, ""
-    voxel_from_label = np.linalg.inv(_scanner_from_voxel(ours, volume.spacing)) @ (
-        _scanner_from_voxel(theirs, labels.spacing)
-    )
+    scanner_from_label = theirs @ world_from_voxel(labels.spacing)
+    voxel_from_label = np.linalg.inv(ours @ world_from_voxel(volume.spacing)) @ scanner_from_label
     turned = _turned(array, voxel_from_label, volume.volume.shape)
     if turned is not None:
         return turned, ""
@@ -89,10 +89,6 @@ def laid_over(labels: FileData, volume: FileData) -> tuple[NDArray[Any], str]:
     if size != wanted:
         return array, f"have voxels of {size} and not of {wanted}: {_BY_VOXEL}"
     return array, f"lie elsewhere in the scanner than its volume: {_BY_VOXEL}"
-
-
-def _scanner_from_voxel(place: Matrix, spacing: Spacing) -> Matrix:
-    return place @ np.diag([*spacing, 1.0])
 
 
 def _turned(

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.geometry.axes import triple
 from napari_unpack.geometry.boxes import LabelBoxes, label_boxes
 from napari_unpack.geometry.grow_labels import grow_labels
 from napari_unpack.kernels import njit
+from napari_unpack.segmentation.common.adjacency import find_neighbours
 from napari_unpack.segmentation.repair import LabelEdit
 from napari_unpack.session.validation import checked_whole
 
@@ -184,19 +186,6 @@ def _measure(
         _add_plane(plane.astype(np.float32, copy=False), labels[z], z, numbers)
     with np.errstate(invalid="ignore", divide="ignore"):
         return numbers[:, 4] / numbers[:, 5], numbers[:, 1:4] / numbers[:, :1]
-
-
-def _surfaces(labels: NDArray[np.uint16], spacing: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return by ID the area, mm^2, of the faces to all else and to the ends of an array."""
-    areas = np.zeros(int(labels.max(initial=0)) + 1)
-    for axis in range(3):
-        across = np.moveaxis(labels, axis, 0)
-        nothing = np.zeros_like(across[:1])
-        framed = np.concatenate([nothing, across, nothing])
-        for there in (framed[:-2], framed[2:]):
-            faces = np.bincount(across[across != there], minlength=len(areas))
-            areas += faces * float(np.prod(spacing) / spacing[axis])
-    return areas
 
 
 @njit(cache=True, nogil=True)
@@ -437,7 +426,8 @@ class LabelData:
                 after[axis] += low[k] * spacing[k]
             if RATIO in self.facts:
                 # Of an object that is no more what it was, the one measured before is wrong.
-                after[RATIO] = _surfaces(part, spacing)[new.ids] / after["volume_mm3"]
+                surface = find_neighbours(part.astype(np.int32), triple(spacing)).surface
+                after[RATIO] = surface[new.ids] / after["volume_mm3"]
             known_by = None if self.given_ids is None else self.given_ids[self.boxes.ids]
             if known_by is not None and not _says_ids(self.facts, known_by):
                 del after["label"]
