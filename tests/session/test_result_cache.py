@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
+import pytest
 from bags import AxisRays, session_of, stack_of_plates
 
 import napari_unpack as nu
@@ -61,6 +62,21 @@ def test_a_result_that_comes_late_does_not_take_the_place_of_a_better_one():
     assert not queries.store(task, late)
     assert queries.occlusion() is known
     assert rays.asked == asked
+
+
+@pytest.mark.parametrize("rule", ["exact", "first_hit", "eq2"])
+def test_what_a_window_asks_at_rest_spares_its_commands_the_rays(rule):
+    session = session_of(stack_of_plates())
+    queries, rays = session.queries, session.ray_queries
+    assert isinstance(rays, AxisRays)
+    session.direction, session.rule, queries.asks_at_rest = "-z", rule, True
+    for plate in range(1, 6):
+        task = queries.occlusion_task()
+        if task is not None:
+            assert queries.store(task, task.run(no_progress))
+        asked = rays.asked
+        assert session.unpack(1) == (plate,)
+        assert rays.asked == asked
 
 
 def test_labels_worked_out_ahead_are_not_kept_after_their_step():
