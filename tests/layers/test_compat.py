@@ -10,7 +10,8 @@ from app_model.expressions import get_context
 from napari._app_model.actions._layerlist_context_actions import (  # noqa: TID251
     LAYERLIST_CONTEXT_ACTIONS,
 )
-from napari.layers import Points
+from napari.layers import Labels, Points
+from napari.utils.colormaps import DirectLabelColormap
 
 from napari_unpack.layers import compat
 from napari_unpack.layers.packed_layer import PackedLayer
@@ -133,3 +134,20 @@ def test_renaming_and_opacity_are_the_users(make_napari_viewer) -> None:
     visual = viewer.window._qt_viewer.canvas.layer_to_visual[layer]
     assert visual.node.opacity == 0.25
     assert viewer.layers["My things"] is layer
+
+
+@pytest.mark.parametrize("chosen", [None, 5, 77])
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.int16, np.int32, np.uint64])
+def test_colours_come_from_a_table_as_napari_finds_them_one_by_one(monkeypatch, kind, chosen):
+    rng = np.random.default_rng(0)
+    colors = {int(i): np.append(rng.random(3), 1) for i in rng.permutation(99)[:60] + 1}
+    colors |= {None: np.array([0.1, 0.2, 0.3, 0.5]), 0: np.zeros(4)}
+    values = rng.integers(0, 120, (9, 70), endpoint=True).astype(kind)
+    theirs = Labels(values, colormap=DirectLabelColormap(color_dict=colors))
+    ours = Labels(values, colormap=compat.TabledColormap(color_dict=colors))
+    for layer in (theirs, ours):
+        layer.show_selected_label = chosen is not None
+        layer.selected_label = chosen or 1
+    expected = theirs.colormap.map(values)
+    monkeypatch.setattr(np, "ndindex", None)
+    np.testing.assert_array_equal(ours.colormap.map(values), expected)

@@ -9,6 +9,8 @@ import numpy as np
 from napari.utils.colormaps import CyclicLabelColormap, DirectLabelColormap
 from numpy.typing import ArrayLike, NDArray
 
+from napari_unpack.layers import compat
+
 LabelColormap: TypeAlias = CyclicLabelColormap | DirectLabelColormap
 
 # Beyond so many colours a `DirectLabelColormap` takes seconds to set, on the main thread.
@@ -39,7 +41,7 @@ def label_colormap(colors: Mapping[int, ArrayLike], other: ArrayLike) -> LabelCo
         direct: dict[int | None, Any] = {None: np.asarray(other, np.float32)}
         direct[0] = np.zeros(4, np.float32)
         direct |= {i: np.asarray(color, np.float32) for i, color in colors.items()}
-        return DirectLabelColormap(color_dict=direct)
+        return compat.TabledColormap(color_dict=direct)
     table: NDArray[np.float32] = np.empty((min(top + 1, MOST_ROWS), 4), np.float32)
     table[:] = other
     table[0] = 0
