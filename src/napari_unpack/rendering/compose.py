@@ -236,21 +236,15 @@ def scene_image(
             # So that it does not jump where its sprite follows.
             flat = pose.cast_camera(camera, flight.flatness(time, camera))
             patches.append(object_image(scene, i, pose, flat, size, 1.0, backend))
+    whole = compose(size, patches)
+    if inspected:
+        patches = [ImagePatch(DIMMED * whole, np.full(size, np.inf, np.float32), 0, 0, np.inf)]
+        for i in inspected:
+            pose, fine = _inspected_pose(scene, i, camera, size), 1.0 / SAMPLES_AT_REST
+            patches.append(object_image(scene, i, pose, camera, size, fine, backend, smooth=True))
+        whole = compose(size, patches)
     drawn = _rulers_drawn(scene, camera, size, time)
-    if not inspected:
-        whole = on_background(compose(size, patches), camera, around)
-        return with_rulers(whole, drawn, around.background.is_light)
-    dimmed = ImagePatch(
-        DIMMED * compose(size, patches), np.full(size, np.inf, np.float32), 0, 0, np.inf
-    )
-    posed = [_inspected_pose(scene, i, camera, size) for i in inspected]
-    fine = 1.0 / SAMPLES_AT_REST
-    alone = [
-        object_image(scene, i, pose, camera, size, fine, backend, smooth=True)
-        for i, pose in zip(inspected, posed, strict=True)
-    ]
-    whole = on_background(compose(size, [dimmed, *alone]), camera, around)
-    return with_rulers(whole, drawn, around.background.is_light)
+    return with_rulers(on_background(whole, camera, around), drawn, around.background.is_light)
 
 
 def _rulers_drawn(
