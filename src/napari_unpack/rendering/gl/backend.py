@@ -221,19 +221,12 @@ def tinted(
     jitter: bool = False,
     clipping: ArrayLike | None = None,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Cast a tinted image; see `rendering.cpu.tinted`.
+    """Cast a tinted image, colour and depth; see `rendering.cpu.tinted`.
 
     Parameters
     ----------
     volume, labels, rays, spacing, table, domain, tints, shading, bricks, jitter, clipping
         As there.
-
-    Returns
-    -------
-    image : (H, W, 4) ndarray of float32
-        Premultiplied RGBA.
-    depth : (H, W) ndarray of float32
-        t in mm where alpha first reaches 0.5, +inf where it never does.
 
     Raises
     ------
@@ -308,7 +301,7 @@ class Workspace:
             ):
                 self._kept[key] = self._kept.pop(key)
                 return textures
-        textures = VolumeTextures(labels, volume, at_once=False)
+        textures = VolumeTextures(labels, volume)
         if textures.factor != (1, 1, 1):
             # Coarser IDs would be other answers than the processor's, which has no such limit.
             textures.delete()
