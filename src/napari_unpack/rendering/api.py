@@ -392,18 +392,8 @@ def occlusion(
 
     Parameters
     ----------
-    labels : (Z, Y, X) array_like of int
-    spacing : (3,) array_like, mm z y x
-    view : View or (3,) sequence of float, optional
-        The view, made orthographic, or a direction of looking. Objects leave towards the
-        viewer: along D, the opposite of the direction of looking.
-    size : (int, int)
-        Rays, height and width; at the voxel pitch or finer to decide which objects are unpackable.
-    hidden : iterable of int
-        Objects that are as air.
-    backend : {"auto", "cpu", "gl"}
-    step : float, optional
-        Distance of samples in mm, by default `min(spacing)`.
+    labels, spacing, view, size, hidden, backend, step
+        As for `occlusion_ratios`.
     boxes : bool
         Fill in `front_area`, at the cost of one more pass over the labels.
 
