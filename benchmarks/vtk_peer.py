@@ -73,17 +73,3 @@ def vtk_frame(scenes: Scenes) -> Callable[[], Any]:
         return window, scalars
 
     return frame
-
-
-def vtk_picture(window: Any) -> Any:
-    """Return the last frame as (H, W, 3) uint8, row 0 at the top."""
-    import vtk
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-
-    grab = vtk.vtkWindowToImageFilter()
-    grab.SetInput(window)
-    grab.ReadFrontBufferOff()
-    grab.Update()
-    image = grab.GetOutput()
-    width, height, _ = image.GetDimensions()
-    return vtk_to_numpy(image.GetPointData().GetScalars()).reshape(height, width, -1)[::-1]

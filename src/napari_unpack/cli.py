@@ -329,10 +329,11 @@ def _order(
     """Print in which order the objects can be unpacked."""
     from napari_unpack.geometry.length_unit import density_text
     from napari_unpack.io.headless import unpack_in_order
+    from napari_unpack.io.report import volume_unit_of
 
     session = open_input(source, labels, direction, view, backend, at, large)
     # An input without a session of its own is in mm, and its volumes in cm³.
-    volumes = session.length_unit.volume_unit(float(session.objects["volume_mm3"].max()))
+    volumes = volume_unit_of(session)
     title = f"volume {volumes.name}".replace("³", "3")
     typer.echo(f"{'step':>4}  {'id':>5}  {'name':<24}{title:>14}{'density':>9}")
     # A saved session may be unpacked in part: its own steps come first, and count.

@@ -75,7 +75,7 @@ def record(viewer: napari.Viewer, panel: UnpackingWidget, output: Path, progress
     controller, clock = _controller(panel), SteppedClock()
     controller.session.clock = clock
     # Half a second of the packed bag, before anything moves.
-    frames: list[Image] = [canvas_image(viewer, controller)] * (FPS // 2)
+    frames: list[Image] = [_canvas_image(viewer, controller)] * (FPS // 2)
     iio.imwrite(output / "packed.png", frames[0])
     await_unpackable(panel)
     iio.imwrite(output / "window.png", viewer.screenshot(canvas_only=False, flash=False))
@@ -91,17 +91,17 @@ def record(viewer: napari.Viewer, panel: UnpackingWidget, output: Path, progress
             largest = size
             iio.imwrite(output / "flight.png", images[len(images) // 2 - 1])
         frames.extend(images)
-    frames.extend([canvas_image(viewer, controller)] * FPS)
+    frames.extend([_canvas_image(viewer, controller)] * FPS)
     iio.imwrite(output / "unpacked.png", frames[-1])
     progress(0.0, "Inspecting")
     shown = max(controller.session.poses, key=lambda i: controller.session.objects.loc[i, "voxels"])
     panel.commands.inspect(shown)
     # Longer than any animation: the image shall show its end.
     clock.time += 10.0
-    iio.imwrite(output / "inspect.png", canvas_image(viewer, controller))
+    iio.imwrite(output / "inspect.png", _canvas_image(viewer, controller))
     panel.commands.leave()
     clock.time += 10.0
-    canvas_image(viewer, controller)
+    _canvas_image(viewer, controller)
     progress(0.0, "Writing the movie")
     _write_movie(frames, output / "unpacking.mp4")
     save_objects_csv(controller.session.objects, output / "objects.csv")
@@ -117,7 +117,7 @@ def _flight(viewer: napari.Viewer, panel: UnpackingWidget, clock: SteppedClock) 
     for k in range(1, frames + 1):
         # A hair beyond, or the last frame could miss the landing by rounding.
         clock.time = start + FLIGHT_SECONDS * k / frames + 1e-6
-        yield canvas_image(viewer, controller)
+        yield _canvas_image(viewer, controller)
 
 
 def await_unpackable(panel: UnpackingWidget) -> None:
@@ -137,20 +137,8 @@ def await_unpackable(panel: UnpackingWidget) -> None:
         time.sleep(0.01)
 
 
-def canvas_image(viewer: napari.Viewer, controller: SessionController) -> Image:
-    """Return what the canvas shows once every image in it is full and right.
-
-    Parameters
-    ----------
-    viewer : napari.Viewer
-        Whose canvas it is.
-    controller : SessionController
-        Of the session on show.
-
-    Returns
-    -------
-    (H, W, 3) ndarray of uint8
-    """
+def _canvas_image(viewer: napari.Viewer, controller: SessionController) -> Image:
+    """Return what the canvas shows, (H, W, 3), once every image in it is full and right."""
     controller.step(20.0)
     shown: Image = viewer.screenshot(canvas_only=True, flash=False)[..., :3]
     return shown

@@ -327,9 +327,9 @@ def test_a_ruler_lies_upon_the_sprite_that_was_measured(fov: float) -> None:
     )
     # Of a number that nobody sees.
     measured = replace(still, rulers=(Ruler(frozenset({1}), ends, (" ",)),))
-    plain = scene_image(still, camera, size, shading=None)
+    plain = scene_image(still, camera, size)
     seen = np.argwhere(plain[..., :3].max(axis=-1) > 0.1)
-    drawn = np.argwhere(np.abs(scene_image(measured, camera, size, shading=None) - plain).max(-1))
+    drawn = np.argwhere(np.abs(scene_image(measured, camera, size) - plain).max(-1))
     # 4 pixels a mm; the object is half a voxel wider, the crosses reach 4 pixels.
     np.testing.assert_allclose(seen.mean(axis=0), (79.5, 259.5), atol=1.5)
     np.testing.assert_allclose((drawn.min(axis=0) + drawn.max(axis=0)) / 2, (79.5, 259.5), atol=1.5)

@@ -131,6 +131,7 @@ def test_a_copy_of_the_labels_is_seen_by_gl_and_by_the_ledger(shown, bag) -> Non
     scene_canvas = compat.native_canvas(viewer)
     scene_canvas.set_current()
     with_copy = VolumeTextures(bag[1])
+    with_copy.send()
     grown = {name: size for name, size in on_the_card(viewer).items() if name not in before}
     assert sum(grown.values()) - calm == bag[1].size
     assert sum(memory_counter().bytes_held().values()) - held == bag[1].size

@@ -72,7 +72,7 @@ def cluster_client(
     """
     if workers is not None and (client is not None or scheduler is not None):
         raise ValueError("a running cluster has workers of its own: leave --workers (workers) out")
-    distributed = needed("distributed", "distributed", "work on several processes", "batch")
+    distributed = needed("distributed", "work on several processes", "batch")
     if client is not None:
         yield client
     elif scheduler is not None:

@@ -200,7 +200,7 @@ def _listed(table: Path) -> Iterator[ScanInput]:
     import pandas as pd
 
     if suffix_of(table) == ".parquet":
-        needed("pyarrow", "pyarrow", "reading Parquet tables", "batch")
+        needed("pyarrow", "reading Parquet tables", "batch")
     try:
         # Names of digits keep their zeros.
         csv = partial(pd.read_csv, dtype={"volume": str, "labels": str, "name": str})

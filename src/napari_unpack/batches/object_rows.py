@@ -18,16 +18,14 @@ GROUP_ROWS = 100_000
 def _schema() -> Any:
     import pyarrow as pa
 
-    real = {name: pa.float64() for name in ("volume_mm3", "long_mm", "middle_mm", "short_mm")}
-    real |= {name: pa.float64() for name in ("mean_density", "z", "y", "x", "isoperimetric_ratio")}
+    real = ("volume_mm3", "long_mm", "middle_mm", "short_mm", "mean_density", "z", "y", "x")
     return pa.schema(
         {
             "scan": pa.string(),
             "id": pa.int64(),
             "name": pa.string(),
             "voxels": pa.int64(),
-            **real,
-            "confidence": pa.float64(),
+            **dict.fromkeys((*real, "isoperimetric_ratio", "confidence"), pa.float64()),
             "order": pa.int32(),
             "blocked_by": pa.list_(pa.int64()),
         }

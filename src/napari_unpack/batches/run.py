@@ -30,6 +30,7 @@ from napari_unpack.batches.run_settings import (
     claim_folder,
     identity_of_settings,
 )
+from napari_unpack.batches.scan_work import Place
 from napari_unpack.file_sizes import stored_size
 from napari_unpack.io.optional import needed
 from napari_unpack.tasks import BEAT_SECONDS
@@ -139,7 +140,7 @@ def batch(
         If no scheduler answers, the cluster is lost, or there is no space.
     """
     for module in ("distributed", "pyarrow"):
-        needed(module, module, "work on many scans", "batch")
+        needed(module, "work on many scans", "batch")
     if settings is not None and options:
         raise TypeError(f"give settings or {', '.join(options)}, not both")
     given = [inputs] if isinstance(inputs, str | Path) else inputs
@@ -158,7 +159,7 @@ def batch(
         # No sooner: what keeps a run from beginning leaves the folder as it is.
         claim_folder(folder, settings)
         speak(_described(cluster))
-        place = (folder, settings, large)
+        place = Place(folder, settings, large=large)
         for result in _results(cluster, scans, place, known, threads, speak):
             done[result.scan] = result
             if told is not None:
@@ -204,7 +205,7 @@ def _check_disk(
 def _results(
     client: Any,
     scans: Sequence[ScanInput],
-    place: tuple[Path, Settings, bool],
+    place: Place,
     known: dict[str, str],
     threads: int | None,
     speak: Callable[[str], None],
@@ -213,19 +214,11 @@ def _results(
     from distributed import CancelledError, as_completed
 
     from napari_unpack.batches.on_worker import WorkerSetup, same, scan_on_worker
-    from napari_unpack.batches.scan_work import Place
 
-    folder, settings, large = place
     client.register_plugin(WorkerSetup(threads_by_host(client), threads))
     # Kept to the end: without it nothing that is lost with its worker can be done again.
     shared = client.submit(same, known, pure=False)
-    futures = client.map(
-        scan_on_worker,
-        scans,
-        place=Place(folder, settings, large=large),
-        known=shared,
-        pure=False,
-    )
+    futures = client.map(scan_on_worker, scans, place=place, known=shared, pure=False)
     by_key = {future.key: scan for future, scan in zip(futures, scans, strict=True)}
     waiting = as_completed(futures, loop=client.loop)
     # Else each is kept until all are done, and its result on the cluster with it.

@@ -155,7 +155,7 @@ def read_dicom(path: Path, large: bool = False) -> FileData:
     far apart are resampled, see `SliceStack.volume`. Files without a preamble, as some DICOS
     writers make them, are read all the same.
     """
-    pydicom = needed("pydicom", "pydicom", "reading DICOM and DICOS")
+    pydicom = needed("pydicom", "reading DICOM and DICOS")
     assumed: list[str] = []
     headers = _headers(pydicom, path, assumed)
     # Before a list of all images is made: their number may be made up too.
@@ -256,18 +256,17 @@ def _series(
             coloured.append(file)
         else:
             found.setdefault(header.get("SeriesInstanceUID"), []).append((file, header))
-    if not found and segmentations:
-        raise _segmentation_error(segmentations[0])
-    if not found and coloured:
-        raise _colour_error(coloured[0])
+    for what, others, error in (
+        ("segmentation(s)", segmentations, _segmentation_error),
+        ("image(s) in colours", coloured, _colour_error),
+    ):
+        if others and not found:
+            raise error(others[0])
+        if others:
+            names = ", ".join(file.name for file in others[:3])
+            assumed.append(f"it holds {len(others)} {what} ({names}): left out")
     if not found:
         raise ValueError(f"{source} holds no DICOM images")
-    if segmentations:
-        names = ", ".join(file.name for file in segmentations[:3])
-        assumed.append(f"it holds {len(segmentations)} segmentation(s) ({names}): left out")
-    if coloured:
-        names = ", ".join(file.name for file in coloured[:3])
-        assumed.append(f"it holds {len(coloured)} image(s) in colours ({names}): left out")
     # The user named a file: its series is meant, even if another has more slices.
     if named is not None:
         return found[named.get("SeriesInstanceUID")]

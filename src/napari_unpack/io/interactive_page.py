@@ -26,7 +26,7 @@ from napari_unpack.geometry.easing import ease
 from napari_unpack.geometry.view import Camera
 from napari_unpack.io.headless import packed_copy, packed_count
 from napari_unpack.io.images import straight_bytes
-from napari_unpack.io.report import said_of_objects
+from napari_unpack.io.report import said_of_objects, volume_unit_of
 from napari_unpack.io.simplified_surfaces import simplified
 from napari_unpack.io.surfaces import object_surface
 from napari_unpack.io.table_page import SCRIPT, PageColumn, PageParts, number_cell, table_page
@@ -338,7 +338,7 @@ def _page(
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n',
         style,
     )
-    volume = session.length_unit.volume_unit(float(shown.objects["volume_mm3"].max())).name
+    volume = volume_unit_of(session).name
     columns = [replace(one, title=one.title.format(volume=volume)) for one in COLUMNS]
     objects = said_of_objects(shown)
     said = [key for key in SAID if key in objects and any(objects[key])]
@@ -375,8 +375,7 @@ come near and draw back, N unpacks the next, B puts the last back, 0 shows all."
 
 
 def _rows(session: Session, shown: Session, said: list[str]) -> Iterator[str]:
-    objects, unit = said_of_objects(session), session.length_unit
-    volumes = unit.volume_unit(float(objects["volume_mm3"].max()))
+    objects, volumes = said_of_objects(session), volume_unit_of(session)
     for k, group in enumerate(shown.steps, 1):
         for i in group:
             facts = objects.loc[i]

@@ -56,7 +56,7 @@ def read_itk(path: Path, large: bool = False) -> FileData:
     ImportError
         If SimpleITK is missing.
     """
-    sitk = needed("SimpleITK", "SimpleITK", f"reading {suffix_of(path)} files")
+    sitk = needed("SimpleITK", f"reading {suffix_of(path)} files")
     # ITK prints to the terminal what the error below says in a sentence.
     sitk.ProcessObject.SetGlobalWarningDisplay(False)
     # Before ITK sees it: a name that leads into a network would be opened by asking for it.
@@ -117,14 +117,16 @@ def read_itk(path: Path, large: bool = False) -> FileData:
         # It refuses what is not 3D in the words that all formats share.
         checked_volume_array(sitk.GetArrayFromImage(image), path)
     assumed = fields.assumed
-    if not _at_right_angles(np.reshape(image.GetDirection(), (3, 3))):
+    # Flips and swaps leave it so.
+    upright = _at_right_angles(np.reshape(image.GetDirection(), (3, 3)))
+    if not upright:
         assumed += ("its axes are not at right angles: it is shown as if they were",)
     # Plain arrays, as this package wrote them once, say nothing of a patient: they are not turned.
     if not np.allclose(image.GetDirection(), np.eye(3).ravel()):
         image = sitk.DICOMOrient(image, ORIENTATION)
     array = checked_volume_array(sitk.GetArrayFromImage(image), path)
     turned = np.reshape(image.GetDirection(), (3, 3))
-    place = _place(turned, image.GetOrigin(), unit) if _at_right_angles(turned) else None
+    place = _place(turned, image.GetOrigin(), unit) if upright else None
     spacing = checked_spacing([mm * unit for mm in image.GetSpacing()[::-1]], path)
     return FileData(array, spacing=spacing, assumed=assumed, scanner_from_scan=place)
 
@@ -181,7 +183,7 @@ def write_itk(
     OSError
         If it could not be written whole.
     """
-    sitk = needed("SimpleITK", "SimpleITK", f"writing {suffix_of(path)} files")
+    sitk = needed("SimpleITK", f"writing {suffix_of(path)} files")
     # ITK prints to the terminal what the errors below say in a sentence.
     sitk.ProcessObject.SetGlobalWarningDisplay(False)
     try:

@@ -133,7 +133,7 @@ def stored_levels(path: Path) -> StoredLevels | None:
 
 
 def _levels(node: Any) -> list[Any]:
-    dask = needed("dask.array", "dask", "reading a volume larger than the memory")
+    dask = needed("dask.array", "reading a volume larger than the memory")
     scales = _attributes(node).get("multiscales") or [{"datasets": []}]
     return [dask.from_zarr(node[level["path"]]) for level in scales[0]["datasets"]]
 
@@ -176,7 +176,7 @@ def new_label_array(path: Path, shape: tuple[int, ...], dtype: DTypeLike) -> Any
     ImportError
         If zarr is missing.
     """
-    zarr = needed("zarr", "zarr", "labels larger than the memory")
+    zarr = needed("zarr", "labels larger than the memory")
     return zarr.create_array(str(path), shape=shape, dtype=dtype, chunks=_chunks(shape))
 
 
@@ -211,7 +211,7 @@ def labels_zarr(
     ImportError
         If zarr is missing.
     """
-    zarr = needed("zarr", "zarr", "writing OME-Zarr")
+    zarr = needed("zarr", "writing OME-Zarr")
     node, origin = zarr.open_group(str(path), mode="w", zarr_format=2), _origin(place)
     datasets = [_level(0, spacing, origin)]
     fine = _new_level(node, 0, shape, dtype)
@@ -286,7 +286,7 @@ def stored_volume(path: Path) -> tuple[Any, FileData]:
                 f"choose one with --at {axis}=0 and write .npz"
             )
         if len(lengths) > len(SPACE):
-            dask = needed("dask.array", "dask", "an image of more axes than z, y, x")
+            dask = needed("dask.array", "an image of more axes than z, y, x")
             first = tuple(slice(None) if axis in SPACE else 0 for axis in lengths)
             array = dask.from_zarr(array)[first]
             found = replace(found, axes="".join(axis for axis in lengths if axis in SPACE))
@@ -328,7 +328,7 @@ def _says_labels(node: Any) -> bool:
 
 
 def _opened(path: Path) -> Any:
-    zarr = needed("zarr", "zarr", "reading OME-Zarr")
+    zarr = needed("zarr", "reading OME-Zarr")
     try:
         return zarr.open(str(path), mode="r")
     except Exception as error:

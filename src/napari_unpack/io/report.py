@@ -125,7 +125,7 @@ def _page(title: str, session: Session, bag: str, rows: Iterator[str]) -> str:
         f'<figure><img src="{bag}" alt="The bag" width="{BAG[1]}" height="{BAG[0]}"></figure>\n',
         _measured(session),
     )
-    units = {"volume": _volumes(session).name, "length": session.length_unit.name}
+    units = {"volume": volume_unit_of(session).name, "length": session.length_unit.name}
     columns = [replace(one, title=one.title.format(**units)) for one in COLUMNS]
     return table_page(parts, columns, rows)
 
@@ -151,7 +151,7 @@ def _names_on(session: Session, measured: Measurement) -> str:
 
 
 def _rows(session: Session, progress: Progress, backend: str, planned: bool) -> Iterator[str]:
-    objects, volumes = said_of_objects(session), _volumes(session)
+    objects, volumes = said_of_objects(session), volume_unit_of(session)
     # Steps up to now: those undone are still in the bag.
     steps = session.steps if planned else session.steps[: session.step]
     left = {i: k for k, group in enumerate(steps, 1) for i in group}
@@ -192,7 +192,8 @@ def said_of_objects(session: Session) -> pd.DataFrame:
     return session.objects.fillna({"flag": "", "note": ""})
 
 
-def _volumes(session: Session) -> VolumeUnit:
+def volume_unit_of(session: Session) -> VolumeUnit:
+    """Return the unit in which the volumes of a session's objects are told."""
     return session.length_unit.volume_unit(float(session.objects["volume_mm3"].max()))
 
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Protocol
+from typing import IO, Any
 
 import numpy as np
 from numpy.lib import format as npy
@@ -193,15 +193,6 @@ MEMBERS = (MANIFEST, "volume.npz", "labels.npz", "picture.png")
 """All that a session may hold."""
 
 
-class Source(Protocol):
-    """Gives the members of a session."""
-
-    names: frozenset[str]
-
-    def open(self, name: str) -> IO[bytes]:
-        """Open a member for reading."""
-
-
 class _ZipSource:
     def __init__(self, archive: zipfile.ZipFile, path: Path) -> None:
         self._archive = archive
@@ -229,6 +220,10 @@ class _FolderSource:
         if not stat.S_ISREG(file.lstat().st_mode):
             raise ValueError(f"{file} must be a plain file in its folder, not a link")
         return file.open("rb")
+
+
+# Gives the members of a session: their names, and each opened for reading.
+Source = _ZipSource | _FolderSource
 
 
 def is_zip(path: Path) -> bool:

@@ -10,7 +10,7 @@ import base64
 import binascii
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any, get_args
 
@@ -26,14 +26,14 @@ from napari_unpack.geometry.relabeling import compact_labels
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.io.answers import answers_from, answers_record
-from napari_unpack.io.cut_json import cut_from, cut_record
 from napari_unpack.io.images import png_bytes
 from napari_unpack.io.json_fields import Fields
-from napari_unpack.io.measurements_json import measurements_from, measurements_record
 from napari_unpack.io.scan import checked_place
 from napari_unpack.rendering.object_style import ObjectStyle
+from napari_unpack.session.bag_cut import Cut
 from napari_unpack.session.events import LogEntry
 from napari_unpack.session.labels import LabelData, object_table, one_line
+from napari_unpack.session.measurements import Measurement, SurfacePoint
 from napari_unpack.session.session import Session
 from napari_unpack.session.state import (
     FLAGS,
@@ -59,7 +59,7 @@ _LARGEST = sys.float_info.max
 _NUMBERS = frozenset({"voxels", "volume_mm3", "mean_density", "confidence", "z", "y", "x"})
 
 
-def objects_record(data: LabelData) -> dict[str, Any]:
+def _objects_record(data: LabelData) -> dict[str, Any]:
     """Return the facts of objects, and how they are numbered, as plain data."""
     facts, given = data.facts, data.given_ids
     return {
@@ -71,24 +71,10 @@ def objects_record(data: LabelData) -> dict[str, Any]:
     }
 
 
-def label_data_from(
+def _label_data_from(
     fields: Fields, volume: NDArray[Any], labels: ArrayLike, spacing: NDArray[np.float64]
 ) -> LabelData:
-    """Make the label data a record was made of.
-
-    Parameters
-    ----------
-    fields : Fields
-    volume : (Z, Y, X) ndarray
-    labels : (Z, Y, X) array_like of int
-        With the IDs they were given with.
-    spacing : (3,) ndarray of float64, mm z y x
-
-    Raises
-    ------
-    ValueError
-        If the record is of other labels.
-    """
+    """Make the label data of a record and the labels, which have the IDs they were given with."""
     table = _facts(fields)
     given_ids = None
     if not fields.has("given_ids"):
@@ -146,8 +132,7 @@ def _plain(value: Any) -> Any:
     return str(value)
 
 
-def densities_record(function: TransferFunction) -> dict[str, Any]:
-    """Return a transfer function as plain data."""
+def _densities_record(function: TransferFunction) -> dict[str, Any]:
     colors = function.colors
     return {
         "points": [list(point) for point in function.points],
@@ -155,53 +140,33 @@ def densities_record(function: TransferFunction) -> dict[str, Any]:
     }
 
 
-def densities_from(fields: Fields) -> TransferFunction:
-    """Make the transfer function a record was made of.
-
-    Raises
-    ------
-    ValueError
-        If there is no such function.
-    """
+def _densities_from(fields: Fields) -> TransferFunction:
     try:
         return TransferFunction(fields["points"], fields["colors"])
     except (TypeError, IndexError, OverflowError) as error:
         raise ValueError(f"session.situation.transfer_function is malformed: {error}") from error
 
 
-def styles_record(styles: Mapping[int, ObjectStyle]) -> dict[str, Any]:
+def _styles_record(styles: Mapping[int, ObjectStyle]) -> dict[str, Any]:
     """Return by ID what objects have of their own."""
     return {
         str(i): {
             "transfer_function": None
             if style.transfer_function is None
-            else densities_record(style.transfer_function),
+            else _densities_record(style.transfer_function),
             "cut": None if style.cut is None else [np.asarray(v).tolist() for v in style.cut],
         }
         for i, style in styles.items()
     }
 
 
-def styles_from(fields: Fields, known: frozenset[int]) -> dict[int, ObjectStyle]:
-    """Make what `styles_record` was made of; nothing where older files say nothing of it.
-
-    Parameters
-    ----------
-    fields : Fields
-        The record.
-    known : frozenset of int
-
-    Raises
-    ------
-    ValueError
-        If the record says something that cannot be.
-    """
+def _styles_from(fields: Fields, known: frozenset[int]) -> dict[int, ObjectStyle]:
     styles = {}
     for i, value in _told(fields, "studies", known).items():
         one = Fields(value, f"session.situation.studies.{i}")
         own = None
         if one.has("transfer_function"):
-            own = densities_from(one.part("transfer_function"))
+            own = _densities_from(one.part("transfer_function"))
         cut = one.array("cut", (2, 3)) if one.has("cut") else None
         if cut is not None and not np.linalg.norm(cut[1]) > 0:
             raise ValueError(f"session.situation.studies.{i}.cut must have a normal that is not 0")
@@ -209,17 +174,40 @@ def styles_from(fields: Fields, known: frozenset[int]) -> dict[int, ObjectStyle]
     return styles
 
 
+def _measurements_record(measurements: Iterable[Measurement]) -> list[dict[str, Any]]:
+    return [
+        {"points": [{"object": point.object_id, "at": list(point.at)} for point in one.points]}
+        for one in measurements
+    ]
+
+
+def _measurements_from(fields: Fields, known: frozenset[int]) -> tuple[Measurement, ...]:
+    # Older files say nothing of them.
+    parts = fields.parts("measurements") if fields.has("measurements") else ()
+    return tuple(
+        Measurement(tuple(_point(point, known) for point in one.parts("points"))) for one in parts
+    )
+
+
+def _point(fields: Fields, known: frozenset[int]) -> SurfacePoint:
+    at = triple(fields.array("at", (3,)))
+    # Repairs undone since may have been saved with points of what is no object any more: those
+    # are points of the scan.
+    object_id = fields.integer("object")
+    return SurfacePoint(object_id if object_id in known else 0, at)
+
+
 def state_record(session: Session) -> dict[str, Any]:
     """Return a session's state as plain data; what is in the air counts as landed."""
     now = session.state
     queue = now.queue
     return {
-        "transfer_function": densities_record(now.transfer_function),
-        "studies": styles_record(
+        "transfer_function": _densities_record(now.transfer_function),
+        "studies": _styles_record(
             # Of objects merged or deleted since too, for undo: on opening they would be refused.
             {i: style for i, style in now.styles.items() if i in session.label_data.known}
         ),
-        "measurements": measurements_record(now.measurements),
+        "measurements": _measurements_record(now.measurements),
         "answers": answers_record(now.answers),
         "hues": {str(i): hue for i, hue in now.hues.items()},
         "names": {str(i): name for i, name in now.names.items()},
@@ -243,22 +231,8 @@ def state_record(session: Session) -> dict[str, Any]:
     }
 
 
-def state_from(fields: Fields, data: LabelData, rules: UnpackingRules) -> SessionState:
-    """Make the state a record was made of.
-
-    Parameters
-    ----------
-    fields : Fields
-    data : LabelData
-        Its labels.
-    rules : UnpackingRules
-        Of then.
-
-    Raises
-    ------
-    ValueError
-        If it cannot be, naming the field.
-    """
+def _state_from(fields: Fields, data: LabelData, rules: UnpackingRules) -> SessionState:
+    """Make the state a record was made of, given its labels and the rules of then."""
     known = data.known
     # What a file does not name gets the hue of a new session.
     hues = {i: golden_hue(i) for i in data.ids}
@@ -279,9 +253,9 @@ def state_from(fields: Fields, data: LabelData, rules: UnpackingRules) -> Sessio
     if inspected is not None and inspected not in known - hidden:
         raise ValueError(f"session.situation.inspected must be an object in sight, got {inspected}")
     return SessionState(
-        transfer_function=densities_from(fields.part("transfer_function")),
-        styles=styles_from(fields, known),
-        measurements=measurements_from(fields, known),
+        transfer_function=_densities_from(fields.part("transfer_function")),
+        styles=_styles_from(fields, known),
+        measurements=_measurements_from(fields, known),
         answers=answers_from(fields),
         hues=hues,
         names=names,
@@ -408,7 +382,23 @@ def _read_direction(fields: Fields) -> str | tuple[float, float, float] | None:
     return triple(fields.array("direction", (3,)))
 
 
-def decorations_record(around: Decorations) -> dict[str, Any]:
+def _cut_record(cut: Cut) -> dict[str, Any] | None:
+    parts = {"plane": cut.plane, "box": cut.box}
+    told = {name: pair.tolist() for name, pair in parts.items() if pair is not None}
+    return told or None
+
+
+def _cut_from(fields: Fields) -> Cut:
+    plane = fields.array("plane", (2, 3)) if fields.has("plane") else None
+    box = fields.array("box", (2, 3)) if fields.has("box") else None
+    if plane is not None:
+        plane = np.stack([plane[0], unit(plane[1], "session.look.cut.plane")])
+    if box is not None and not (box[0] < box[1]).all():
+        raise ValueError("session.look.cut.box must have its lower corner below its upper one")
+    return Cut(plane, box)
+
+
+def _decorations_record(around: Decorations) -> dict[str, Any]:
     """Return surroundings as an object of what JSON knows; a picture as PNG in base 64."""
     ground = around.background
     return {
@@ -422,14 +412,7 @@ def decorations_record(around: Decorations) -> dict[str, Any]:
     }
 
 
-def decorations_from(fields: Fields) -> Decorations:
-    """Return the surroundings an object was made of.
-
-    Raises
-    ------
-    ValueError
-        If it says something that cannot be.
-    """
+def _decorations_from(fields: Fields) -> Decorations:
     count = len(fields.items("colors"))
     if count not in (1, 2):
         raise ValueError(f"colors must be one or two, got {count}")
@@ -465,8 +448,7 @@ def _decoded(text: str) -> Any:
     return Background.of(picture).image
 
 
-def camera_record(camera: Camera) -> dict[str, Any]:
-    """Return a camera as plain data."""
+def _camera_record(camera: Camera) -> dict[str, Any]:
     return {
         "rotation": camera.rotation.tolist(),
         "center": camera.center.tolist(),
@@ -476,8 +458,7 @@ def camera_record(camera: Camera) -> dict[str, Any]:
     }
 
 
-def camera_from(fields: Fields) -> Camera:
-    """Make the camera a record was made of."""
+def _camera_from(fields: Fields) -> Camera:
     return Camera(
         fields.rotation(),
         fields.array("center", (3,)),
@@ -487,8 +468,7 @@ def camera_from(fields: Fields) -> Camera:
     )
 
 
-def view_record(view: View) -> dict[str, Any]:
-    """Return a view, as it was asked for, as plain data."""
+def _view_record(view: View) -> dict[str, Any]:
     return {
         "direction": list(view.direction),
         "up": None if view.up is None else list(view.up),
@@ -498,9 +478,7 @@ def view_record(view: View) -> dict[str, Any]:
     }
 
 
-def view_from(fields: Fields) -> View:
-    """Make the view a record was made of."""
-
+def _view_from(fields: Fields) -> View:
     def vector(name: str) -> tuple[float, float, float] | None:
         return triple(fields.array(name, (3,))) if fields.has(name) else None
 
@@ -541,11 +519,11 @@ def record_of(session: Session) -> dict[str, Any]:
             "hue_margin": view.hue_margin,
             "colored": view.recolored,
             "clipping": view.clipping.tolist(),
-            "cut": cut_record(session.state.cut),
-            "surroundings": decorations_record(view.decorations),
+            "cut": _cut_record(session.state.cut),
+            "surroundings": _decorations_record(view.decorations),
         },
-        "camera": camera_record(view.camera),
-        "view": view_record(view.view),
+        "camera": _camera_record(view.camera),
+        "view": _view_record(view.view),
         "canvas_size": list(view.canvas_size),
         "seconds": session.seconds,
         "away_from_table": view.up.tolist(),
@@ -560,7 +538,7 @@ def record_of(session: Session) -> dict[str, Any]:
             }
             for entry in session.log
         ],
-        "objects": objects_record(session.label_data),
+        "objects": _objects_record(session.label_data),
     }
 
 
@@ -601,7 +579,7 @@ def session_from(record: Mapping[str, Any], volume: ArrayLike, labels: ArrayLike
     """
     fields = Fields(record, "session")
     density, spacing = checked_volume(volume), checked_spacing(fields.array("spacing", (3,)))
-    data = label_data_from(fields.part("objects"), density, labels, spacing)
+    data = _label_data_from(fields.part("objects"), density, labels, spacing)
     return _with_labels(fields, density, data)
 
 
@@ -623,10 +601,10 @@ def check_record(record: Mapping[str, Any], session: Session) -> None:
 def _with_labels(fields: Fields, density: NDArray[Any], data: LabelData) -> Session:
     spacing = checked_spacing(fields.array("spacing", (3,)))
     rules = _rules_from(fields.part("rules"))
-    state = state_from(fields.part("situation"), data, rules)
+    state = _state_from(fields.part("situation"), data, rules)
     view_state, look = _view_state_from(fields, data.known), fields.part("look")
     if look.has("cut"):
-        state = replace(state, cut=cut_from(look.part("cut")))
+        state = replace(state, cut=_cut_from(look.part("cut")))
     session = Session.of_parts(density, spacing, data, state, view_state, rules)
     session.seconds = fields.positive("seconds")
     # Older files do not tell.
@@ -656,12 +634,12 @@ def _view_state_from(fields: Fields, known: frozenset[int]) -> ViewState:
     # Older files do not say some things: what they lack is as in a new session.
     told: dict[str, Any] = {}
     if look.has("surroundings"):
-        told["decorations"] = decorations_from(look.part("surroundings"))
+        told["decorations"] = _decorations_from(look.part("surroundings"))
     if fields.has("away_from_table"):
         told["up"] = unit(fields.array("away_from_table", (3,)), "away_from_table")
     return ViewState(
-        view=view_from(fields.part("view")),
-        camera=camera_from(fields.part("camera")),
+        view=_view_from(fields.part("view")),
+        camera=_camera_from(fields.part("camera")),
         canvas_size=(height, width),
         selected=frozenset(fields.ids("selected", known)),
         clipping=checked_planes(look.array("clipping", (len(look.items("clipping")), 2, 3))),

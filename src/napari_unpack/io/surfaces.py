@@ -120,7 +120,7 @@ def save_surfaces(
         If trimesh is missing.
     """
     target, report = checked_surfaces_path(path), progress or no_progress
-    needed("trimesh", "trimesh", "writing surfaces")
+    needed("trimesh", "writing surfaces")
     # Each once, however often it is named: two surfaces in one place are no solid.
     wanted = checked_ids(session.ids if ids is None else ids, session.states)
     if not wanted:

@@ -14,7 +14,7 @@ import networkx as nx
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.appearance import Decorations
+from napari_unpack.appearance import Decorations, TransferFunction
 from napari_unpack.appearance.interference_graph import checked_layers
 from napari_unpack.geometry.axes import checked_spacing, transform_points, unit
 from napari_unpack.geometry.boxes import label_boxes
@@ -236,7 +236,7 @@ def render(
     camera = checked_view(view).camera(given.array.shape, mm)
     scale, planes = step_scale(step, mm), checked_planes(clipping)
     around = Decorations.of((0, 0, 0, 0) if background is None else background, decorations)
-    look = checked_look(transfer_function or default_for(volume, density))
+    look = _checked_look(transfer_function or default_for(volume, density))
     image, depth = cast_tinted(
         density, given.array, mm, camera, look,
         given.tints(tints, hidden), pixels,
@@ -304,7 +304,7 @@ def pick(
     camera = checked_view(view).camera(given.array.shape, mm)
     rays = rays_for(camera, pixels, mm, step_scale=step_scale(step, mm), window=(row, col, 1, 1))
     # The same function as `render` takes, or a click would pick what is not seen.
-    look = checked_look(transfer_function or default_for(volume, density))
+    look = _checked_look(transfer_function or default_for(volume, density))
     shares = contributions(
         density, given.array, rays, mm, look.table(TABLE_ENTRIES), look.domain,
         given.tints(tints, hidden), clipping=checked_planes(clipping),
@@ -314,7 +314,7 @@ def pick(
 
 def default_for(
     volume: ArrayLike, density: NDArray[np.uint16] | NDArray[np.float32]
-) -> TransferFunctionLike:
+) -> TransferFunction:
     """Return the transfer function a volume gets when none is asked for.
 
     Parameters
@@ -323,24 +323,15 @@ def default_for(
     density : (Z, Y, X) ndarray of uint16 or float32
         What kernels take of it.
     """
-    from napari_unpack.appearance import TransferFunction
-
     given, measured = np.asarray(volume), density
     # What stands in for NaN and infinities is no density of the scan.
     if given.dtype.kind == "f" and not (known := np.isfinite(given)).all():
         measured = given if given.dtype == np.float32 else np.where(known, density, np.nan)
-    look: TransferFunctionLike = TransferFunction.default_for(measured)
-    return look
+    return TransferFunction.default_for(measured)
 
 
-def checked_look(look: TransferFunctionLike) -> TransferFunctionLike:
-    """Check what a transfer function covers.
-
-    Raises
-    ------
-    ValueError
-        If its domain is not two finite densities, low before high.
-    """
+def _checked_look(look: TransferFunctionLike) -> TransferFunctionLike:
+    """Refuse a domain that is not two finite densities, low before high."""
     low, high = look.domain
     if not -np.inf < low < high < np.inf:
         raise ValueError(
@@ -401,18 +392,8 @@ def occlusion(
 
     Parameters
     ----------
-    labels : (Z, Y, X) array_like of int
-    spacing : (3,) array_like, mm z y x
-    view : View or (3,) sequence of float, optional
-        The view, made orthographic, or a direction of looking. Objects leave towards the
-        viewer: along D, the opposite of the direction of looking.
-    size : (int, int)
-        Rays, height and width; at the voxel pitch or finer to decide which objects are unpackable.
-    hidden : iterable of int
-        Objects that are as air.
-    backend : {"auto", "cpu", "gl"}
-    step : float, optional
-        Distance of samples in mm, by default `min(spacing)`.
+    labels, spacing, view, size, hidden, backend, step
+        As for `occlusion_ratios`.
     boxes : bool
         Fill in `front_area`, at the cost of one more pass over the labels.
 

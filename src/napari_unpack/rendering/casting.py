@@ -150,7 +150,6 @@ def cast_ids(
     layers: int = 1,
     *,
     voxel_from_world: ArrayLike | None = None,
-    window: Window | None = None,
     step_scale: float = 1.0,
     bricks: Bricks | None = None,
     clipping: ArrayLike | None = None,
@@ -160,14 +159,14 @@ def cast_ids(
 
     Parameters
     ----------
-    labels, spacing, camera, size, voxel_from_world, window, step_scale, bricks, clipping, backend
+    labels, spacing, camera, size, voxel_from_world, step_scale, bricks, clipping, backend
         As for `cast_tinted`.
     visible : (M,) ndarray of bool
         By ID, M above every label; `visible[0]` False.
     layers : int
         How many objects of a ray to list.
     """
-    rays = rays_for(camera, size, spacing, voxel_from_world, step_scale, window)
+    rays = rays_for(camera, size, spacing, voxel_from_world, step_scale)
     clear = off_faces(rays)
     return with_backend(
         backend, lambda on: on.id_layers(labels, clear, visible, layers, bricks, clipping)

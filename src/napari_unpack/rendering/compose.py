@@ -12,7 +12,6 @@ import numpy as np
 
 from napari_unpack.appearance import Decorations
 from napari_unpack.geometry.axes import transform_points
-from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.transforms import Pose, Projection
 from napari_unpack.geometry.view import Camera
 from napari_unpack.memory import check_picture
@@ -20,7 +19,7 @@ from napari_unpack.rendering.decorated_image import box_patch, on_background
 from napari_unpack.rendering.image_patch import Image, ImagePatch, Window, compose, nothing
 from napari_unpack.rendering.object_casting import cast_subvolume
 from napari_unpack.rendering.rulers import Pixels, ruler_pixels, with_rulers
-from napari_unpack.rendering.scene import LIGHT, Scene, appearance_alone, packed_appearance
+from napari_unpack.rendering.scene import Scene, appearance_alone, packed_appearance
 from napari_unpack.rendering.upsampling import upsampled
 
 # Samples a voxel edge of what stands still: a thin coin shows stripes with one.
@@ -33,7 +32,6 @@ def packed_image(
     size: tuple[int, int],
     step_scale: float = 1.0,
     backend: str = "auto",
-    shading: Shading | None = LIGHT,
 ) -> ImagePatch:
     """Cast what is packed, in the window of the image that the volume's box covers.
 
@@ -46,12 +44,11 @@ def packed_image(
     step_scale : float
         Distance of samples in the smallest voxel edge; 2 is quicker and coarser.
     backend : {"auto", "cpu", "gl"}
-    shading : Shading, optional
     """
     # The subvolume first: tints may be of more objects than the labels have, never of fewer.
     subvolume = scene.subvolumes.whole()
     return cast_subvolume(
-        subvolume, None, camera, size, packed_appearance(scene, shading, step_scale, backend)
+        subvolume, None, camera, size, packed_appearance(scene, step_scale, backend)
     )
 
 
@@ -63,7 +60,6 @@ def object_image(
     size: tuple[int, int],
     step_scale: float = 1.0,
     backend: str = "auto",
-    shading: Shading | None = LIGHT,
     *,
     smooth: bool = False,
     part: Window | None = None,
@@ -82,7 +78,6 @@ def object_image(
     step_scale : float
         Distance of samples in the object's own smallest voxel edge.
     backend : {"auto", "cpu", "gl"}
-    shading : Shading, optional
     smooth : bool
         Cast a small object from a finer grid (`upsampling.upsampled`), without stairs.
     part : (int, int, int, int), optional
@@ -106,7 +101,7 @@ def object_image(
             lambda: upsampled(cache.of_object(object_id), object_id, scene.spacing, cache.air),
         )
     moved = pose.world_from_world(subvolume.center, camera)
-    appearance = appearance_alone(scene, object_id, subvolume, shading, step_scale, backend)
+    appearance = appearance_alone(scene, object_id, subvolume, step_scale, backend)
     return cast_subvolume(subvolume, moved, camera, size, appearance, part)
 
 
@@ -117,7 +112,6 @@ def sprite_image(
     pixels_per_mm: float,
     step_scale: float = 1.0,
     backend: str = "auto",
-    shading: Shading | None = LIGHT,
     part: Window | None = None,
     smooth: bool = True,
 ) -> ImagePatch:
@@ -131,7 +125,7 @@ def sprite_image(
         Its turn and scale; where it is does not matter.
     pixels_per_mm : float
         Resolution in pivot space.
-    step_scale, backend, shading
+    step_scale, backend
         As for `object_image`, but with `SAMPLES_AT_REST` times the samples: a sprite is small,
         and cast once.
     part : (int, int, int, int), optional
@@ -166,7 +160,7 @@ def sprite_image(
     # A sprite stands still and is drawn once, so it gets the samples of an image at rest.
     step = step_scale / SAMPLES_AT_REST
     whole = object_image(
-        scene, object_id, still, camera, size, step, backend, shading, smooth=smooth, part=part
+        scene, object_id, still, camera, size, step, backend, smooth=smooth, part=part
     )
     patch = whole.trimmed()
     return patch.at(patch.row - down, patch.col - right, patch.plane)
@@ -192,7 +186,6 @@ def scene_image(
     size: tuple[int, int],
     time: float | None = None,
     backend: str = "auto",
-    shading: Shading | None = LIGHT,
     decorations: Decorations | None = None,
     smooth: bool = True,
 ) -> Image:
@@ -208,7 +201,6 @@ def scene_image(
     time : float, optional
         When, for every flight in the air (see `Flight.pose`). Without it flights are not drawn.
     backend : {"auto", "cpu", "gl"}
-    shading : Shading, optional
     decorations : Decorations, optional
         Background, box and scale bar; by default the scene's.
     smooth : bool
@@ -226,10 +218,10 @@ def scene_image(
     """
     check_picture(size)
     cache = scene.subvolumes
-    packed = packed_appearance(scene, shading, 1.0, backend)
+    packed = packed_appearance(scene, 1.0, backend)
     # Flights and sprites are not in the key: the bag stands while they move.
     key = ("packed", packed.key, _camera_key(camera), size)
-    patches = [cache.keep(key, lambda: packed_image(scene, camera, size, 1.0, backend, shading))]
+    patches = [cache.keep(key, lambda: packed_image(scene, camera, size, 1.0, backend))]
     around = scene.decorations if decorations is None else decorations
     if around.box:
         patches.append(box_patch(scene.boxes, scene.spacing, camera, size, around))
@@ -237,30 +229,22 @@ def scene_image(
     for object_id, pose in scene.poses.items():
         # What flies or is inspected is drawn below, at another pose.
         if object_id not in scene.flights and object_id not in inspected:
-            patches.append(
-                _placed_sprite(scene, object_id, pose, camera, size, backend, shading, smooth)
-            )
+            patches.append(_placed_sprite(scene, object_id, pose, camera, size, backend, smooth))
     if time is not None:
         for i, flight in scene.flights.items():
             pose = flight.pose(time, camera)
             # So that it does not jump where its sprite follows.
             flat = pose.cast_camera(camera, flight.flatness(time, camera))
-            patches.append(object_image(scene, i, pose, flat, size, 1.0, backend, shading))
+            patches.append(object_image(scene, i, pose, flat, size, 1.0, backend))
+    whole = compose(size, patches)
+    if inspected:
+        patches = [ImagePatch(DIMMED * whole, np.full(size, np.inf, np.float32), 0, 0, np.inf)]
+        for i in inspected:
+            pose, fine = _inspected_pose(scene, i, camera, size), 1.0 / SAMPLES_AT_REST
+            patches.append(object_image(scene, i, pose, camera, size, fine, backend, smooth=True))
+        whole = compose(size, patches)
     drawn = _rulers_drawn(scene, camera, size, time)
-    if not inspected:
-        whole = on_background(compose(size, patches), camera, around)
-        return with_rulers(whole, drawn, around.background.is_light)
-    dimmed = ImagePatch(
-        DIMMED * compose(size, patches), np.full(size, np.inf, np.float32), 0, 0, np.inf
-    )
-    posed = [_inspected_pose(scene, i, camera, size) for i in inspected]
-    fine = 1.0 / SAMPLES_AT_REST
-    alone = [
-        object_image(scene, i, pose, camera, size, fine, backend, shading, smooth=True)
-        for i, pose in zip(inspected, posed, strict=True)
-    ]
-    whole = on_background(compose(size, [dimmed, *alone]), camera, around)
-    return with_rulers(whole, drawn, around.background.is_light)
+    return with_rulers(on_background(whole, camera, around), drawn, around.background.is_light)
 
 
 def _rulers_drawn(
@@ -314,7 +298,6 @@ def _placed_sprite(
     camera: Camera,
     size: tuple[int, int],
     backend: str,
-    shading: Shading | None,
     smooth: bool,
 ) -> ImagePatch:
     flat = camera.flattened(float(pose.center[0]))
@@ -322,7 +305,7 @@ def _placed_sprite(
         return nothing()
     resolution = size[0] / flat.height
     subvolume = scene.subvolumes.of_object(object_id)
-    appearance = appearance_alone(scene, object_id, subvolume, shading, 1.0, backend)
+    appearance = appearance_alone(scene, object_id, subvolume, 1.0, backend)
     held = pose.rotation.tobytes(), pose.stretch.tobytes(), pose.scale
     # Rounded: napari's zoom is not exact to the last bit, and a sprite need not be either.
     row, col = (int(n) for n in np.rint(flat.pixels(pose.center, size)))
@@ -334,9 +317,7 @@ def _placed_sprite(
     key = ("sprite", appearance.key, *held, f"{resolution:.7g}", part, smooth)
     patch: ImagePatch = scene.subvolumes.keep(
         key,
-        lambda: sprite_image(
-            scene, object_id, pose, resolution, 1.0, backend, shading, part, smooth
-        ),
+        lambda: sprite_image(scene, object_id, pose, resolution, 1.0, backend, part, smooth),
     )
     return patch.at(patch.row + row, patch.col + col, patch.plane - pose.center[0])
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol
 
@@ -23,7 +23,7 @@ from napari_unpack.rendering.subvolumes import RenderCache, Subvolume, Subvolume
 from napari_unpack.rendering.upsampling import appearance_at
 from napari_unpack.unpacking import Flight
 
-# The light of every image unless another is asked for.
+# The light of every image of a scene.
 LIGHT = Shading()
 
 _MASTER_STYLE = ObjectStyle()
@@ -234,30 +234,29 @@ class Scene:
         return max(self.largest_id, int(self.boxes.ids[-1]))
 
 
-def packed_appearance(
-    scene: Scene, shading: Shading | None, step_scale: float, backend: str
-) -> Appearance:
+def packed_appearance(scene: Scene, step_scale: float, backend: str) -> Appearance:
     """Return how the packed bag is drawn, but for the camera.
 
     Parameters
     ----------
     scene : Scene
-    shading : Shading, optional
     step_scale : float
         Distance of samples in the smallest voxel edge.
     backend : {"auto", "cpu", "gl"}
     """
-    appearance = _appearance(scene, scene.packed_tints, shading, step_scale, backend)
-    return replace(appearance, clipping=scene.clipping)
+    return Appearance(
+        scene.transfer_function,
+        scene.packed_tints,
+        LIGHT,
+        scene.spacing,
+        step_scale,
+        backend,
+        scene.clipping,
+    )
 
 
 def appearance_alone(
-    scene: Scene,
-    object_id: int,
-    subvolume: Subvolume,
-    shading: Shading | None,
-    step_scale: float,
-    backend: str,
+    scene: Scene, object_id: int, subvolume: Subvolume, step_scale: float, backend: str
 ) -> Appearance:
     """Return how one object is drawn outside the bag, but for its pose and the camera.
 
@@ -266,24 +265,17 @@ def appearance_alone(
     scene : Scene
     object_id : int
     subvolume : Subvolume
-    shading : Shading, optional
     step_scale : float
         Distance of samples in the smallest voxel edge.
     backend : {"auto", "cpu", "gl"}
     """
-    appearance = _appearance(scene, scene.tints_alone(object_id), shading, step_scale, backend)
-    function = scene.transfer_function_of(object_id)
-    planes = scene.style(object_id).planes(subvolume.voxel_from_world)
-    return appearance_at(
-        subvolume, replace(appearance, transfer_function=function, clipping=planes)
+    appearance = Appearance(
+        scene.transfer_function_of(object_id),
+        scene.tints_alone(object_id),
+        LIGHT,
+        scene.spacing,
+        step_scale,
+        backend,
+        scene.style(object_id).planes(subvolume.voxel_from_world),
     )
-
-
-def _appearance(
-    scene: Scene,
-    tints: NDArray[np.float32],
-    shading: Shading | None,
-    step_scale: float,
-    backend: str,
-) -> Appearance:
-    return Appearance(scene.transfer_function, tints, shading, scene.spacing, step_scale, backend)
+    return appearance_at(subvolume, appearance)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
@@ -138,9 +139,7 @@ def window_for(volume: Any) -> Window:
     volume : (Z, Y, X) array
         In memory or not; a million voxels are read at most.
     """
-    size = float(np.prod([float(n) for n in volume.shape]))
-    stride = max(1, int(np.ceil((size / SAMPLES) ** (1 / 3))))
-    some = np.asarray(volume[::stride, ::stride, ::stride])
+    some = np.asarray(volume[_few(volume.shape)])
     values = some[np.isfinite(some)]
     if not values.size:
         return 0.0, 1.0
@@ -157,9 +156,8 @@ def object_window(volume: Any, labels: Any) -> Window:
     volume, labels : (Z, Y, X) array
         Densities and object IDs; a million voxels of each are read at most.
     """
-    # The same voxels of both: every few along all axes, whatever their order in memory.
-    step = max(1, int(np.ceil((labels.size / SAMPLES) ** (1 / 3))))
-    few = (slice(None, None, step),) * 3
+    # The same voxels of both, whatever their order in memory.
+    few = _few(labels.shape)
     seen, objects = np.asarray(volume[few]), np.asarray(labels[few]) != 0
     finite = np.isfinite(seen)
     of_objects = seen[finite & objects]
@@ -171,3 +169,9 @@ def object_window(volume: Any, labels: Any) -> Window:
     if middle > low:
         high = min(high, low + BRIGHTEST * (middle - low))
     return low, high if high > low else low + 1.0
+
+
+def _few(shape: tuple[int, ...]) -> tuple[slice, slice, slice]:
+    """Return the index of every few voxels along all axes."""
+    step = slice(None, None, max(1, math.ceil((math.prod(shape) / SAMPLES) ** (1 / 3))))
+    return step, step, step

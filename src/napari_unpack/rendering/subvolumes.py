@@ -119,8 +119,8 @@ class SubvolumeCache:
         self._whole: Subvolume | None = None
         self._whole_before: Subvolume | None = None
 
-    def taking_over(self, earlier: SubvolumeCache) -> SubvolumeCache:
-        """Keep what other labels leave as it is of a cache of the same volume; return self."""
+    def take_over(self, earlier: SubvolumeCache) -> None:
+        """Keep what other labels leave as it is of a cache of the same volume."""
         self._density, self._air = earlier._density, earlier._air
         if np.array_equal(self._spacing, earlier._spacing):
             self._whole_before = earlier._whole or earlier._whole_before
@@ -138,27 +138,24 @@ class SubvolumeCache:
             same = np.array_equal(middle, made.center)
             if same and np.array_equal(self.labels[box], made.labels):
                 self.keep(key, lambda made=made: made)  # type: ignore[misc]
-        return self
 
     def whole(self) -> Subvolume:
         """Return the whole volume; only bricks of changed labels are made anew."""
         # Two threads that asked at once would make it twice, the second from nothing.
         with self._whole_lock:
-            return self._made_whole()
-
-    def _made_whole(self) -> Subvolume:
-        before, self._whole_before = self._whole_before, None
-        if self._whole is None and before is not None:
-            labels = np.ascontiguousarray(self.labels)
-            box = differing_box(before.labels, labels)
-            bricks = before.bricks if box is None else relabelled(before.bricks, labels, box)
-            self._whole = replace(before, labels=labels, bricks=bricks, edit=Edit(ref(before), box))
-        if self._whole is None:
-            shape = np.asarray(self.volume.shape)
-            everything = tuple(slice(0, int(n)) for n in shape)
-            middle = (shape - 1) / 2 * self._spacing
-            self._whole = self._cut(everything, middle, 0 * shape, shape)
-        return self._whole
+            before, self._whole_before = self._whole_before, None
+            if self._whole is None and before is not None:
+                labels = np.ascontiguousarray(self.labels)
+                box = differing_box(before.labels, labels)
+                bricks = before.bricks if box is None else relabelled(before.bricks, labels, box)
+                edit = Edit(ref(before), box)
+                self._whole = replace(before, labels=labels, bricks=bricks, edit=edit)
+            if self._whole is None:
+                shape = np.asarray(self.volume.shape)
+                everything = tuple(slice(0, int(n)) for n in shape)
+                middle = (shape - 1) / 2 * self._spacing
+                self._whole = self._cut(everything, middle, 0 * shape, shape)
+            return self._whole
 
     @property
     def air(self) -> float:
@@ -265,7 +262,7 @@ class RenderCache:
                 return known
             fresh = SubvolumeCache(volume, labels, boxes, spacing)
             if known is not None and known.volume is volume:
-                fresh.taking_over(known)
+                fresh.take_over(known)
             self._subvolumes = fresh
             return fresh
 

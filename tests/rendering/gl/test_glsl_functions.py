@@ -57,6 +57,7 @@ def rows(points):
 def test_every_label_up_to_65535_is_read_exactly(gl):
     labels = np.arange(65536, dtype=np.uint16).reshape(4, 128, 128)
     textures = VolumeTextures(labels)
+    textures.send()
     voxels = np.argwhere(labels >= 0)[::7]
     uniforms = ray_uniforms(Rays(np.zeros((6, 3)), (1, 1), 1.0), textures)
     found = probe("label_lookup.glsl", "vec4(label_at(a.xyz))", rows(voxels[:, ::-1]), uniforms)
@@ -87,6 +88,7 @@ def ramp(gl):
     z, y, x = np.mgrid[:4, :5, :6]
     volume = (1000 * z + 100 * y + 10 * x).astype(np.uint16)
     textures = VolumeTextures(np.ones((4, 5, 6), np.uint16), volume, as_buffer=False)
+    textures.send()
     uniforms = ray_uniforms(Rays(np.zeros((6, 3)), (1, 1), 1.0), textures)
     return uniforms | {"u_density": textures.density}
 
@@ -123,6 +125,7 @@ def test_voxels_of_a_buffer_give_density_and_gradient_also_at_the_edges(gl, kind
     points[100:110] = -0.5
     expression = "gradient_and_density_at(a.xyz, ivec3(5, 4, 3), ivec3(1, 6, 30))"
     textures = VolumeTextures(np.ones(shape, np.uint16))
+    textures.send()
     uniforms = ray_uniforms(Rays(np.zeros((6, 3)), (1, 1), 1.0), textures)
     head = "#extension GL_EXT_gpu_shader4 : require"
     found = probe(
@@ -184,6 +187,7 @@ def test_light_follows_the_formula_of_shading(gl):
 
 def test_a_ray_visits_exactly_the_samples_inside_the_volume(gl):
     textures = VolumeTextures(np.ones((5, 6, 7), np.uint16))
+    textures.send()
     rng = np.random.default_rng(3)
     origins, directions = rng.uniform(-6, 12, (2, 300, 3))
     directions[:20, 0] = 0.0

@@ -46,6 +46,7 @@ def read_buffer(held):
 def test_a_small_volume_stays_as_it_is(gl, as_buffer):
     labels = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
     textures = VolumeTextures(labels, labels * 1000, as_buffer=as_buffer)
+    textures.send()
     assert (textures.factor, textures.grid, textures.notice) == ((1, 1, 1), (3, 4, 5), None)
     assert textures.labels.internalformat == "r8"
     np.testing.assert_array_equal(np.rint(read_back(textures.labels) * 255), labels)
@@ -56,6 +57,7 @@ def test_ids_above_255_take_two_bytes(gl):
     labels = np.zeros((3, 3, 3), np.uint16)
     labels[1, 1, 1] = 65535
     textures = VolumeTextures(labels)
+    textures.send()
     assert (textures.labels.internalformat, textures.label_scale) == ("r16", 65535.0)
 
 
@@ -64,6 +66,7 @@ def test_a_volume_too_long_for_the_driver_is_drawn_coarser_and_says_so(gl):
     volume = np.broadcast_to(np.arange(10, dtype=np.float32)[:, None, None], (10, 4, 4)).copy()
     labels = (volume + 1).astype(np.uint16)
     textures = VolumeTextures(labels, volume, largest=4)
+    textures.send()
     assert (textures.factor, textures.grid) == ((3, 1, 1), (4, 4, 4))
     assert read_back(textures.density)[:, 0, 0].tolist() == [1.0, 4.0, 7.0, 9.0]
     assert np.rint(read_back(textures.labels)[:, 0, 0] * 255).tolist() == [2, 5, 8, 10]
@@ -83,6 +86,7 @@ def test_a_coarser_volume_shows_the_same_objects_in_the_same_places(gl):
     rays = cast_rays(camera, (8, 8), voxel_from_world((1, 1, 1)), 0.5)
     target = Target((8, 8))
     textures = VolumeTextures(labels, largest=8)
+    textures.send()
     assert textures.factor == (1, 2, 2)
     ObjectIdPass().draw([target], textures, rays, np.array([False, True, True]), 1)
     wanted = np.zeros((8, 8))
@@ -173,6 +177,7 @@ def test_a_repair_sends_the_box_it_touched_and_nothing_else(gl, largest):
     here = store.here()
     assert here.bytes_sent - before == (5 * 7 * 1 if largest is None else 3 * 4 * 1)
     whole = VolumeTextures(after, volume, largest)
+    whole.send()
     np.testing.assert_array_equal(read_back(here.labels), read_back(whole.labels))
 
 

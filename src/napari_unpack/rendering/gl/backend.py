@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import weakref
 from functools import cache
-from typing import Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal
 
 import networkx as nx
 import numpy as np
@@ -21,7 +21,7 @@ from napari_unpack.geometry.occlusion_counts import MOST_IN_TABLE, OcclusionCoun
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.rendering.gl import compute_program, offscreen
-from napari_unpack.rendering.gl.framebuffer import NO_DEPTH, Target, Targets
+from napari_unpack.rendering.gl.framebuffer import NO_DEPTH, Targets
 from napari_unpack.rendering.gl.host_memory import HostMemory
 from napari_unpack.rendering.gl.interference_pass import InterferencePass
 from napari_unpack.rendering.gl.object_id_pass import LAYERS_A_PASS, MOST_LAYERS, ObjectIdPass
@@ -32,25 +32,10 @@ from napari_unpack.rendering.gl.programs import ShaderError
 from napari_unpack.rendering.gl.textures import Density, VolumeTextures
 from napari_unpack.rendering.gl.tinted_pass import Appearance, TintedPass
 
+if TYPE_CHECKING:
+    from napari_unpack.rendering.cpu import Bricks
+
 CountingMethod = Literal["auto", "atomics", "runs"]
-
-
-class BrickMap(Protocol):
-    """What is asked of `rendering.cpu.Bricks`, which this room does not import."""
-
-    def occupied(
-        self, table: NDArray[np.float32], domain: tuple[float, float], tints: NDArray[np.float32]
-    ) -> NDArray[np.bool_]:
-        """Tell which bricks may hold something to be seen.
-
-        Parameters
-        ----------
-        table, domain, tints
-            As for `tinted`.
-        """
-
-    def inhabited(self, visible: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Tell which bricks hold a visible object."""
 
 
 def id_layers(
@@ -58,7 +43,7 @@ def id_layers(
     rays: Rays,
     visible: NDArray[np.bool_],
     layers: int = 1,
-    bricks: BrickMap | None = None,
+    bricks: Bricks | None = None,
     clipping: ArrayLike | None = None,
 ) -> NDArray[np.int32]:
     """List the distinct visible objects on every ray; see `rendering.cpu.id_layers`.
@@ -78,7 +63,7 @@ def id_layers(
     with offscreen.context().use():
         workspace = workspace_here()
         passes = -(-min(layers, MOST_LAYERS) // LAYERS_A_PASS)
-        targets = [workspace.id_target(i, rays.size) for i in range(passes)]
+        targets = [kept.get(rays.size) for kept in workspace.id_targets[:passes]]
         workspace.ids.draw(
             targets,
             workspace.textures(labels, None),
@@ -96,7 +81,7 @@ def occlusion_counts(
     labels: NDArray[np.uint16],
     rays: Rays,
     visible: NDArray[np.bool_],
-    bricks: BrickMap | None = None,
+    bricks: Bricks | None = None,
     method: CountingMethod = "auto",
 ) -> OcclusionCounts:
     """Count how much of every object is hidden by others; see `rendering.cpu.occlusion_counts`.
@@ -188,7 +173,7 @@ def first_hits(
     rays: Rays,
     visible: NDArray[np.bool_],
     boxes: LabelBoxes,
-    bricks: BrickMap | None = None,
+    bricks: Bricks | None = None,
 ) -> FirstHits:
     """Count every object's rays, and its blocked ones, by occlusion queries.
 
@@ -216,7 +201,7 @@ def first_hits(
     with offscreen.context().use():
         workspace = workspace_here()
         textures = workspace.textures(labels, None)
-        first = workspace.id_target(0, rays.size)
+        first = workspace.id_targets[0].get(rays.size)
         occupied = None if bricks is None else bricks.inhabited(visible)
         workspace.ids.draw([first], textures, rays, visible, 1, occupied)
         target = workspace.counting_targets.get(rays.size)
@@ -232,23 +217,16 @@ def tinted(
     domain: tuple[float, float],
     tints: NDArray[np.float32],
     shading: Shading | None,
-    bricks: BrickMap | None = None,
+    bricks: Bricks | None = None,
     jitter: bool = False,
     clipping: ArrayLike | None = None,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Cast a tinted image; see `rendering.cpu.tinted`.
+    """Cast a tinted image, colour and depth; see `rendering.cpu.tinted`.
 
     Parameters
     ----------
     volume, labels, rays, spacing, table, domain, tints, shading, bricks, jitter, clipping
         As there.
-
-    Returns
-    -------
-    image : (H, W, 4) ndarray of float32
-        Premultiplied RGBA.
-    depth : (H, W) ndarray of float32
-        t in mm where alpha first reaches 0.5, +inf where it never does.
 
     Raises
     ------
@@ -292,24 +270,13 @@ class Workspace:
         self.atomics = OcclusionAtomics()
         self.queries = OcclusionQueries()
         self.interference = InterferencePass()
+        # One for each pass of as many layers as there may be.
+        self.id_targets = [Targets((4,)) for _ in range(MOST_LAYERS // LAYERS_A_PASS)]
         self.counting_targets = Targets((1,), keep=1)
         self.run_targets = [Targets(OcclusionPass.channels, keep=1) for _ in range(2)]
         self.tinted_targets = Targets(TintedPass.channels)
         self.memory = HostMemory()
-        self._id_targets: dict[int, Targets] = {}
         self._kept: dict[tuple[int, int], tuple[Any, Any, VolumeTextures]] = {}
-
-    def id_target(self, index: int, size: tuple[int, int]) -> Target:
-        """Return the target of the index-th pass at a size.
-
-        Parameters
-        ----------
-        index : int
-            Of the pass.
-        size : (int, int)
-            Height and width, pixels.
-        """
-        return self._id_targets.setdefault(index, Targets((4,))).get(size)
 
     def textures(self, labels: NDArray[np.uint16], volume: Density | None) -> VolumeTextures:
         """Return the textures of these very arrays, uploading them if they are new.
@@ -334,7 +301,7 @@ class Workspace:
             ):
                 self._kept[key] = self._kept.pop(key)
                 return textures
-        textures = VolumeTextures(labels, volume, at_once=False)
+        textures = VolumeTextures(labels, volume)
         if textures.factor != (1, 1, 1):
             # Coarser IDs would be other answers than the processor's, which has no such limit.
             textures.delete()

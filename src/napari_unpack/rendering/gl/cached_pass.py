@@ -38,12 +38,11 @@ class Inputs:
     clipping: ArrayLike | None
     version: int
 
-    def same_as(self, other: Inputs | None) -> bool:
-        """Whether the other would give the same image."""
-        return self.retinted(other) == frozenset()
-
     def retinted(self, other: Inputs | None) -> frozenset[int] | None:
-        """Return the IDs whose tints alone tell the two apart; None where more does."""
+        """Return the IDs whose tints alone tell two images apart, none of equal ones.
+
+        None where more does.
+        """
         if other is None or len(self.look.tints) != len(other.look.tints):
             return None
         if not all(_equal(a, b) for a, b in zip(self._parts(), other._parts(), strict=True)):
@@ -142,13 +141,13 @@ class TintedCaster:
             self._start_afresh()
             self._context = context
         inputs = Inputs(rays, look, occupied, jitter, clipping, self.store.version)
-        if self.image is not None and inputs.same_as(self._last):
+        retinted = inputs.retinted(self._last)
+        if self.image is not None and retinted == frozenset():
             return self.image
         if self.tinted_pass is None:
             self.tinted_pass = TintedPass(self._programs)
         target = self.targets.get(rays.size)
         window: PixelWindow | None = (0, 0, rays.size[1], rays.size[0])
-        retinted = inputs.retinted(self._last)
         # Only tints have changed: pixels without these objects stay as they are.
         if retinted and where is not None and self.image is not None:
             window = where(retinted)

@@ -26,7 +26,7 @@ from napari_unpack.geometry.view import Camera
 from napari_unpack.rendering.gl import formats
 from napari_unpack.rendering.gl.framebuffer import NO_DEPTH, forget_complaints, namespace
 from napari_unpack.rendering.gl.memory import PICTURES, TABLES, memory_counter
-from napari_unpack.rendering.gl.programs import Programs, ShaderError, load
+from napari_unpack.rendering.gl.programs import Programs, ShaderError, compiled, load
 
 PictureArray = NDArray[np.float32] | NDArray[np.uint8]
 
@@ -322,9 +322,6 @@ class QuadsVisual(Visual):  # type: ignore[misc]
     clip_from_pivot : (4, 4) ndarray of float64
         From pivot space (towards, down, right, 1) in mm to clip space, column vectors; see
         `clip_from_pivot`. Places sprites and turns t into depths.
-    quads_opacity : float
-        Of all quads together. A scene node's own `opacity` (napari sets it from the layer)
-        is multiplied on.
     before_draw : callable, optional
         Called with this visual at the start of every draw, while vispy's transforms and the
         current GL context are those of the drawing canvas: the moment to set
@@ -332,8 +329,6 @@ class QuadsVisual(Visual):  # type: ignore[misc]
     refused : callable, optional
         Given the driver's log, once, where it does not accept the quads' shader; nothing is
         drawn then.
-    draws : int
-        How many times it was drawn.
 
     Notes
     -----
@@ -341,8 +336,8 @@ class QuadsVisual(Visual):  # type: ignore[misc]
     written by the core draw only, culling off. Presets set from outside, as napari's
     `VispyBaseLayer.reset` does, have no effect. The depth mask is on afterwards and the depth
     function as it was found (vispy wants "less", napari's canvas "lequal").
-    vispy's opacity filter would scale alpha alone and is replaced by a uniform; picking by
-    vispy's own render is not supported (nothing is drawn).
+    vispy's opacity filter, which napari sets from the layer, would scale alpha alone and is
+    replaced by a uniform; picking by vispy's own render is not supported (nothing is drawn).
     """
 
     def __init__(self, quads: Sequence[Quad] = ()) -> None:
@@ -352,12 +347,10 @@ class QuadsVisual(Visual):  # type: ignore[misc]
         Visual.__init__(self, vcode=vertex.code, fcode=fragment.code)
         self.unfreeze()
         self._quads: tuple[Quad, ...] = tuple(quads)
-        self._clip_from_pivot: Matrix = np.diag([1.0, 1.0, 1.0, 1.0])[[2, 1, 0, 3]]
-        self.quads_opacity = 1.0
+        self.clip_from_pivot: Matrix = np.diag([1.0, 1.0, 1.0, 1.0])[[2, 1, 0, 3]]
         self.before_draw: Callable[[QuadsVisual], None] | None = None
         self.refused: Callable[[str], None] | None = None
         self._broken = False
-        self.draws = 0
         self._programs = Programs()
         self._blanks: WeakKeyDictionary[Any, gloo.Texture2D] = WeakKeyDictionary()
         self.freeze()
@@ -371,15 +364,6 @@ class QuadsVisual(Visual):  # type: ignore[misc]
     def quads(self, quads: Sequence[Quad]) -> None:
         self._quads = tuple(quads)
         self.update()
-
-    @property
-    def clip_from_pivot(self) -> Matrix:
-        """From pivot space in mm to clip space."""
-        return self._clip_from_pivot
-
-    @clip_from_pivot.setter
-    def clip_from_pivot(self, matrix: Matrix) -> None:
-        self._clip_from_pivot = np.asarray(matrix, dtype=np.float64)
 
     def attach(self, filt: Any, view: Any = None) -> None:
         """Attach a filter; the node's opacity is taken over, its picking left out.
@@ -400,10 +384,7 @@ class QuadsVisual(Visual):  # type: ignore[misc]
             return
         if self.before_draw is not None:
             self.before_draw(self)
-        self.draws += 1
-        overall = self.quads_opacity * (
-            1.0 if self._alpha_filter is None else float(self._alpha_filter.alpha)
-        )
+        overall = 1.0 if self._alpha_filter is None else float(self._alpha_filter.alpha)
         # Nothing is uploaded for what would not be seen.
         wanted = [quad for quad in self._quads if quad.opacity * overall > 0.0]
         found = [(quad, quad.image.textures()) for quad in wanted]
@@ -442,7 +423,7 @@ class QuadsVisual(Visual):  # type: ignore[misc]
 
     def _ready_program(self) -> gloo.Program:
         """Return the program of the current context, which may have replaced an earlier one."""
-        program = self._programs.here("quad.frag", vertex="quad.vert")
+        program = self._programs.kept("quad", lambda: compiled("quad.frag", vertex="quad.vert"))
         if namespace() not in self._blanks:
             corners = np.array([[0, 0], [0, 1], [1, 0], [1, 1]], dtype=np.float32)
             program["a_corner"] = memory_counter().enter(TABLES, gloo.VertexBuffer(corners))
@@ -460,7 +441,7 @@ class QuadsVisual(Visual):  # type: ignore[misc]
         color, depth = textures
         earlier = None if quad.before is None else quad.before.textures()
         before = color if earlier is None else earlier[0]
-        origin, right, down = quad.place.frame(self._clip_from_pivot)
+        origin, right, down = quad.place.frame(self.clip_from_pivot)
         values: dict[str, Any] = {
             "u_image": color,
             "u_before": before,
@@ -469,7 +450,7 @@ class QuadsVisual(Visual):  # type: ignore[misc]
             "u_has_depth": float(depth is not None),
             "u_t": quad.place.t,
             "u_t_origin": quad.place.t_origin,
-            "u_z_of_t": depth_row(self._clip_from_pivot, quad.place.ndc_depth),
+            "u_z_of_t": depth_row(self.clip_from_pivot, quad.place.ndc_depth),
             "u_opacity": quad.opacity * overall,
             "u_clip_origin": origin,
             "u_clip_right": right,

@@ -22,16 +22,9 @@ MOST_LAYERS = 32
 
 
 class ObjectIdPass:
-    """The ID pass of one GL context.
-
-    Attributes
-    ----------
-    passes : int
-        How often it has cast rays.
-    """
+    """The ID pass of one GL context."""
 
     def __init__(self) -> None:
-        self.passes = 0
         self.visible = IdTable()
         self.leaps = Leaps()
         self._programs = Programs()
@@ -93,4 +86,3 @@ class ObjectIdPass:
             wanted = {"u_wanted": float(min(LAYERS_A_PASS, layers - first))}
             program = pixel_program(self._programs, "object_id.glsl", {"FOUND": i})
             program.run(targets[i], shared | found | wanted)
-            self.passes += 1

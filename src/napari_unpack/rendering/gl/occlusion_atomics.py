@@ -23,16 +23,9 @@ class RayTooCrowdedError(RuntimeError):
 
 
 class OcclusionAtomics:
-    """The one-pass counters of one GL context.
-
-    Attributes
-    ----------
-    passes : int
-        How often it has walked rays.
-    """
+    """The one-pass counters of one GL context."""
 
     def __init__(self) -> None:
-        self.passes = 0
         self.leaps = Leaps()
         self._program: ComputeProgram | None = None
 
@@ -85,7 +78,6 @@ class OcclusionAtomics:
         ]
         try:
             self._program.run((0, 0, rays.size[1], rays.size[0]))
-            self.passes += 1
             counters = read_buffer(buffers[1], 5 * n + 1)
             words = read_buffer(buffers[2], n * n // 32 + 1)
         finally:

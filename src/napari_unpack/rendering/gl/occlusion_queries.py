@@ -49,16 +49,9 @@ class FirstHits:
 
 
 class OcclusionQueries:
-    """The query passes of one GL context.
-
-    Attributes
-    ----------
-    passes : int
-        How often it has walked rays.
-    """
+    """The query passes of one GL context."""
 
     def __init__(self) -> None:
-        self.passes = 0
         self._program: gloo.Program | None = None
 
     def count(
@@ -120,7 +113,6 @@ class OcclusionQueries:
                         self._program.draw("triangle_strip")
                         context.flush_commands()
                         GL.glEndQuery(GL.GL_SAMPLES_PASSED)
-                        self.passes += 1
             found = [_result(int(q)) for q in queries[: 2 * len(ids)]]
         finally:
             GL.glDeleteQueries(len(queries), queries)

@@ -25,19 +25,12 @@ NO_MORE = 1.0e30
 
 
 class OcclusionPass:
-    """The run-length pass of one GL context.
-
-    Attributes
-    ----------
-    passes : int
-        How often it has walked rays.
-    """
+    """The run-length pass of one GL context."""
 
     # Attachments of its targets: six runs, and where to resume.
     channels = (4, 4, 4, 1)
 
     def __init__(self) -> None:
-        self.passes = 0
         self.visible = IdTable()
         self.leaps = Leaps()
         self._program: gloo.Program | None = None
@@ -88,7 +81,6 @@ class OcclusionPass:
             assign(self._program, first)
             with target.drawing():
                 self._program.draw("triangle_strip")
-            self.passes += 1
             parts.append(np.concatenate([target.read(i) for i in range(3)], axis=2))
             resume = bool((target.read(3) < NO_MORE).any())
         table_of_runs = np.concatenate(parts, axis=2).reshape(-1, 2 * RUNS_A_PASS * len(parts))

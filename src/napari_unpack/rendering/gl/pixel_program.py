@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import nullcontext, suppress
-from typing import Protocol
 
 from vispy import gloo
 
@@ -14,23 +13,6 @@ from napari_unpack.rendering.gl.framebuffer import PixelWindow, Target
 from napari_unpack.rendering.gl.programs import Programs, ShaderError, compiled
 from napari_unpack.rendering.gl.uniforms import Uniforms, assign
 from napari_unpack.rendering.gl.voxel_buffer import VoxelBuffer
-
-
-class PixelProgram(Protocol):
-    """Computes every pixel of a target by itself."""
-
-    def run(self, target: Target, uniforms: Uniforms, window: PixelWindow | None = None) -> None:
-        """Compute the pixels of a window, by default all.
-
-        Parameters
-        ----------
-        target : Target
-            The others stay as it holds them.
-        uniforms : mapping of str to value
-            What the shader has no use for is left out.
-        window : (int, int, int, int), optional
-            First column, first row, width and height.
-        """
 
 
 class FragmentProgram:
@@ -50,8 +32,12 @@ class FragmentProgram:
 
         Parameters
         ----------
-        target, uniforms, window
-            As `PixelProgram` takes them.
+        target : Target
+            The others stay as it holds them.
+        uniforms : mapping of str to value
+            What the shader has no use for is left out.
+        window : (int, int, int, int), optional
+            First column, first row, width and height.
         """
         held = uniforms.get("u_voxels")
         voxels = held.bound(self._program) if isinstance(held, VoxelBuffer) else nullcontext()
@@ -80,11 +66,15 @@ class ComputedPixels:
         Parameters
         ----------
         target, uniforms, window
-            As `PixelProgram` takes them.
+            As `FragmentProgram` takes them.
         """
         assign(self._program, uniforms)
         height, width = target.size
         self._program.run(window or (0, 0, width, height), target.textures)
+
+
+# Computes every pixel of a target by itself.
+PixelProgram = FragmentProgram | ComputedPixels
 
 
 def pixel_program(

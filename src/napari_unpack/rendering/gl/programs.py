@@ -132,29 +132,11 @@ class Programs:
         found: Made = made[key]
         return found
 
-    def here(
-        self,
-        fragment: str,
-        defines: Mapping[str, object] | None = None,
-        vertex: str = "fullscreen.vert",
-    ) -> gloo.Program:
-        """Return the program of the current context; see `compiled`.
-
-        Parameters
-        ----------
-        fragment, vertex : str
-            File names below `shaders/passes/`.
-        defines : mapping of str to object, optional
-        """
-        key = fragment, vertex, *sorted((defines or {}).items())
-        return self.kept(key, lambda: compiled(fragment, defines, vertex))
-
 
 def compiled(
     fragment: str,
     defines: Mapping[str, object] | None = None,
     vertex: str = "fullscreen.vert",
-    version: str | None = None,
 ) -> gloo.Program:
     """Compile and link one pass in the current context.
 
@@ -164,8 +146,6 @@ def compiled(
         Files under shaders/passes/.
     defines : mapping, optional
         Macros for both.
-    version : str, optional
-        GLSL's, for both; by default 1.20.
 
     Returns
     -------
@@ -179,7 +159,7 @@ def compiled(
     RuntimeError
         If no canvas is current.
     """
-    vert, frag = (load(f"passes/{name}", defines, version) for name in (vertex, fragment))
+    vert, frag = (load(f"passes/{name}", defines) for name in (vertex, fragment))
     program = linked(vert, frag)
     if "a_position" in program:
         corners = [[-1, -1], [-1, 1], [1, -1], [1, 1]]

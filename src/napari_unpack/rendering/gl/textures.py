@@ -26,7 +26,7 @@ FORMATS = {"uint8": ("r8", 255.0), "uint16": ("r16", 65535.0), "float32": ("r32f
 
 
 class VolumeTextures:
-    """Density and labels as 3D textures in the current context.
+    """Density and labels as 3D textures in the current context; `send` fills them.
 
     Parameters
     ----------
@@ -40,9 +40,6 @@ class VolumeTextures:
     as_buffer : bool, optional
         Hold density as a buffer of voxels; by default where a software rasteriser draws, and
         the volume needs no coarser grid.
-    at_once : bool
-        Send all now; else `send` does it piece by piece, as a large volume takes longer than a
-        window may stand still.
 
     Attributes
     ----------
@@ -75,7 +72,6 @@ class VolumeTextures:
         volume: Density | None = None,
         largest: int | None = None,
         most: int | None = None,
-        at_once: bool = True,
         as_buffer: bool | None = None,
     ) -> None:
         if labels.ndim != 3 or 0 in labels.shape:
@@ -104,8 +100,6 @@ class VolumeTextures:
             else:
                 self.density = self._begun(DENSITY, internal, "linear")
             self._queue(self.density, volume, self._everything())
-        if at_once:
-            self.send()
 
     @property
     def notice(self) -> str | None:
@@ -128,7 +122,10 @@ class VolumeTextures:
         return not self._waiting
 
     def send(self, most_bytes: float = np.inf) -> bool:
-        """Send what waits, at least one piece and no more than so many bytes; return `complete`."""
+        """Send what waits, at least one piece and no more than so many bytes; return `complete`.
+
+        Piece by piece, as a large volume takes longer than a window may stand still.
+        """
         end = self.bytes_sent + most_bytes
         while self._waiting:
             texture, source, box = self._waiting[0]

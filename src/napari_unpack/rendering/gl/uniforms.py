@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,6 +10,7 @@ from vispy import gloo
 
 from napari_unpack.geometry.axes import flip
 from napari_unpack.geometry.rays import Rays
+from napari_unpack.rendering.gl.compute_program import ComputeProgram
 from napari_unpack.rendering.gl.memory import TABLES, memory_counter
 from napari_unpack.rendering.gl.textures import VolumeTextures
 from napari_unpack.rendering.validation import MOST_PLANES, checked_planes
@@ -158,20 +159,12 @@ def _exact_distances(occupied: NDArray[np.bool_], far: int) -> NDArray[np.int16]
     return signed
 
 
-class TakesUniforms(Protocol):
-    """A program of gloo's or a compute program."""
-
-    def __contains__(self, name: str) -> bool: ...
-
-    def __setitem__(self, name: str, value: Any) -> None: ...
-
-
-def assign(program: TakesUniforms, uniforms: Uniforms) -> None:
+def assign(program: gloo.Program | ComputeProgram, uniforms: Uniforms) -> None:
     """Set the uniforms that a program has, and leave the others.
 
     Parameters
     ----------
-    program : vispy.gloo.Program or ComputeProgram
+    program : Program or ComputeProgram
     uniforms : mapping of str to value
     """
     for name, value in uniforms.items():

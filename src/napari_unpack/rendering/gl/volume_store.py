@@ -70,9 +70,7 @@ class VolumeStore:
     def _textures(self) -> VolumeTextures:
         here = namespace()
         if here not in self._made:
-            self._made[here] = VolumeTextures(
-                self._labels, self._volume, self._largest, self._most, at_once=False
-            )
+            self._made[here] = VolumeTextures(self._labels, self._volume, self._largest, self._most)
         return self._made[here]
 
     def delete(self) -> None:
