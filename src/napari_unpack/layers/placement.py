@@ -164,12 +164,7 @@ def standing(layer: Layer, spacing: ArrayLike) -> Matrix:
         Along axes whose unit is no length, pixels say, to that unit.
     """
     matrix = data_to_world(layer) @ voxel_from_world(spacing)
-    lengths = [own.is_compatible_with("mm") for own in layer.units]
-    ratios = [
-        float((1.0 * own).to("mm").magnitude) if length else 1.0
-        for own, length in zip(layer.units, lengths, strict=True)
-    ]
-    matrix[:3] *= np.array(ratios)[:, None]
+    matrix[:3] *= np.array([_millimetres(unit) for unit in layer.units])[:, None]
     return matrix
 
 
