@@ -115,7 +115,7 @@ class OutlineRenderer:
     @property
     def pending(self) -> bool:
         """Whether outlines are about to be drawn."""
-        return self._scheduler.pending("outlines")
+        return self._scheduler.pending(self._draw)
 
     def outline(self, outlined: Outlined) -> None:
         """Outline these and no others."""
@@ -137,11 +137,11 @@ class OutlineRenderer:
         if self._image is not None:
             self._image = None
             self._show()
-        self._scheduler.debounce("outlines", OUTLINES_MS, self._draw)
+        self._scheduler.debounce(OUTLINES_MS, self._draw)
 
     def close(self) -> None:
         """Draw nothing more."""
-        self._scheduler.forget("outlines")
+        self._scheduler.forget(self._draw)
         self._frame = self._image = None
 
     def quads_at(self, frame: Frame) -> Sequence[Quad]:
@@ -155,7 +155,7 @@ class OutlineRenderer:
         session, frame = self._session, self._frame
         outlined, revision = self._outlined, self._revision
         if frame is not None and self._scheduler.idle_held(IdlePhase.IMAGE):
-            self._scheduler.debounce("outlines", OUTLINES_MS, self._draw)
+            self._scheduler.debounce(OUTLINES_MS, self._draw)
             return
         # Every landing draws them anew.
         if frame is None or session.flights:

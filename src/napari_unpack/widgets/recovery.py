@@ -64,7 +64,7 @@ class RecoveryKeeper(QObject):
 
     def follow(self) -> None:
         """Keep what has changed, soon; and nothing where nothing is unsaved any more."""
-        self._workspace.scheduler.throttle(self._keep, KEEP_MS, self._keep)
+        self._workspace.scheduler.throttle(KEEP_MS, self._keep)
 
     def once_kept(self, then: Callable[[], None]) -> None:
         """Call once the session shown is on disk, or need not be."""
@@ -132,7 +132,7 @@ class RecoveryKeeper(QObject):
         if isinstance(error, Cancelled):
             return
         scheduler = self._workspace.scheduler
-        scheduler.debounce(self._keep, RETRY_MS, self._keep)
+        scheduler.debounce(RETRY_MS, self._keep)
         # Once: whoever cannot mend it must not be disturbed by it.
         if not self._told:
             self._told = True
