@@ -70,7 +70,7 @@ class ObjectsSection(Section):
         self.contents.addWidget(self.table_button.button)
         self.review = ReviewBox(workspace, self.repair)
         self.contents.addWidget(self.review)
-        self.confidence = ConfidenceBox(workspace, commands, self.chosen, self._reload)
+        self.confidence = ConfidenceBox(workspace, commands, self.chosen)
         self.contents.addWidget(self.confidence)
         self._connect()
         self._reload()
@@ -85,6 +85,7 @@ class ObjectsSection(Section):
         self.delete.clicked.connect(lambda: self.repair.delete(chosen()))
         self.repair.splitting.connect(self._show_next_click)
         self.repair.busy.connect(lambda _: self._enable())
+        self.confidence.scored.connect(self._reload)
         self._sizes.measured.connect(self.model.show_sizes)
         self._planner.found.connect(
             lambda plan: self.model.refresh(first=() if plan is None else plan.first)
