@@ -34,8 +34,8 @@ from napari_unpack.session.errors import (
     BlockedError,
     NobodyFreeError,
     NoTableError,
-    least_occluded_sentence,
     listed_objects,
+    share_of,
 )
 from napari_unpack.session.labels import Edit, LabelData
 from napari_unpack.session.object_state import ObjectState, ids_in
@@ -479,7 +479,8 @@ class Queries:
         known = self.occlusion(packed=packed)
         least = known.least_occluded(packed)
         (name,) = self._session.names([least])
-        return least_occluded_sentence(name, known.first_hit.get(least, 0.0))
+        share = share_of(known.first_hit.get(least, 0.0))
+        return f"{name} is the least occluded ({share} occluded)"
 
     def _known_next(
         self, chosen: frozenset[int] | None, count: int, packed: frozenset[int]
@@ -561,8 +562,7 @@ class Queries:
         NoTableError
             If there are too many objects, or the rule has no table of blockers.
         """
-        task = self.reveal_plan_task(object_id)
-        if task is not None:
+        if (task := self.reveal_plan_task(object_id)) is not None:
             self.store(task, task.run(no_progress))
         known: RevealResult = self._cache.find(RevealKey(object_id, self._occlusion_key()))
         return known.plan
