@@ -116,6 +116,11 @@ class CanvasBackend:
         return 0 if self._store is None else self._store.uploads
 
     @property
+    def bytes_sent(self) -> int:
+        """Of volume textures so far."""
+        return 0 if self._store is None else self._store.bytes_sent
+
+    @property
     def rays_cast(self) -> int:
         """Rays cast so far, for all images that are kept."""
         return sum(caster.rays_cast for caster in self._casters.values())
