@@ -223,7 +223,8 @@ class SceneRenderer:
     def decorations_changed(self) -> None:
         """Follow the session's background and box."""
         around = self.session.decorations
-        self.packed.backdrop = self.packed.backdrop or backdrop_of(self.session)
+        if self.packed.backdrop is None:
+            self.packed.backdrop = Backdrop(self.session.bag.lower, self.session.bag.upper)
         self.packed.backdrop.show(around)
         self.sprites.on_light(around.background.is_light)
         self.packed.repaint()
@@ -390,8 +391,3 @@ class SceneRenderer:
             moving |= {self.animator.inspection.object_id}
         shown = waiting - (moving & frozenset(self.transition.images))
         self.sprite_renderer.want(poses, shown, frame.size[0] / frame.camera.height, gliding)
-
-
-def backdrop_of(session: Session) -> Backdrop:
-    """Return the backdrop of a session's bag."""
-    return Backdrop(session.bag.lower, session.bag.upper, session.decorations)
