@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from qtpy.QtWidgets import QMenu
-
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.widgets.color_chooser import ColorChooser
 from napari_unpack.widgets.commands import Commands, objects_in
@@ -159,7 +157,3 @@ class ObjectsSection(Section):
         return ObjectsPane(
             self._workspace, self._commands, self.model, self._actions, self.chooser, key
         )
-
-    def menu(self) -> QMenu | None:
-        """Make the context menu of the selected rows; None where none is selected."""
-        return self.pane.menu()
