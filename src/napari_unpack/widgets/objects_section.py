@@ -40,7 +40,7 @@ class ObjectsSection(Section):
         self.model = ObjectModel(commands.rename, self, commands.annotate.note, self._sizes, why)
         self._actions = ObjectMenu(workspace, commands, planner, self.repair, self.chooser)
         self.pane = self.new_pane("panel")
-        self.table, self.search, self.filter = self.pane.table, self.pane.search, self.pane.filter
+        self.table = self.pane.table
         self.isolate = button("Isolate", "Hide all objects but the selected ones.")
         self.hide_chosen = button("Hide", "Hide the selected objects in the 3D view (H).")
         self.show_all = button("Show all", "Show every hidden object again.")
