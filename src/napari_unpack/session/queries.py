@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from napari_unpack.appearance.tints import nearest_hue
 from napari_unpack.geometry.axes import Vector, triple
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.session import colors
@@ -488,8 +489,7 @@ class Queries:
         key = self._next_key(chosen, count)
         if packed != key.occlusion.packed:
             return None
-        found: NextUnpackable | None = self._cache.find(key, NextUnpackableKey.covers)
-        return found
+        return self._cache.find(key, NextUnpackableKey.covers)  # type: ignore[no-any-return]
 
     # Other directions.
 
@@ -625,19 +625,18 @@ class Queries:
 
     def _hues_key(self, keep: bool) -> HuesKey:
         session = self._session
-        view, data = session.view_state, session.label_data
+        state, view, data = session.state, session.view_state, session.label_data
         # What flies has left the bag's picture, and keeps its hue.
         shown = frozenset(ids_in(self.states(), ObjectState.PACKED))
         visibility = VisibilityKey(
             data.revision, view.camera, view.canvas_size, shown, view.clipping.tobytes()
         )
         # Before hues were chosen for any view there is nothing worth keeping.
-        previous = Identity(session.state.hues) if keep and view.recolored else None
-        own = colors.hues_of(session.state.colors, view.tint_mode)
-        hidden = session.state.hidden
-        seen = {i: at for i, at in session.state.placements.items() if i not in hidden}
+        previous = Identity(state.hues) if keep and view.recolored else None
+        own = frozenset((i, nearest_hue(c, view.tint_mode)) for i, c in state.colors.items())
+        seen = {i: at for i, at in state.placements.items() if i not in state.hidden}
         beside = colors.pairs_beside(seen, self.slots())
-        standing = Identity(session.state.hues) if beside else None
+        standing = Identity(state.hues) if beside else None
         locked = view.locked_hues
         return HuesKey(visibility, previous, view.hue_margin, locked, own, beside, standing)
 
