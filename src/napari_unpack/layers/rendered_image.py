@@ -124,11 +124,8 @@ class RenderedImage:
 
         Parameters
         ----------
-        patch : ImagePatch
-        camera : Camera
-            What it was cast for.
-        size : (int, int)
-            Height and width of the whole image, pixels.
+        patch, camera, size
+            See the class.
         """
         if patch.is_empty:
             return None
@@ -204,11 +201,8 @@ class Sprite:
 
         Parameters
         ----------
-        patch : ImagePatch
-        pose : Pose
-            Where it waits and how it is turned.
-        mm : float
-            Size of a pixel, mm.
+        patch, pose, mm
+            See the class.
         """
         if patch.is_empty:
             return None
