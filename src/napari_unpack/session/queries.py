@@ -489,7 +489,8 @@ class Queries:
         key = self._next_key(chosen, count)
         if packed != key.occlusion.packed:
             return None
-        return self._cache.find(key, NextUnpackableKey.covers)  # type: ignore[no-any-return]
+        found: NextUnpackable | None = self._cache.find(key, NextUnpackableKey.covers)
+        return found
 
     # Other directions.
 
