@@ -8,7 +8,7 @@ from typing import Any
 def settled_passes(controller: Any) -> int:
     """Wait for all pictures; return how many of the bag have been cast so far."""
     assert controller.settle(30)
-    return int(controller.statistics.packed_passes)
+    return int(controller.renderer.packed_renderer.passes)
 
 
 def assert_camera_hue_and_transfer_function_each_cast_anew(viewer: Any, controller: Any) -> None:

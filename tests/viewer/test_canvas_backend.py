@@ -115,7 +115,7 @@ def test_volumes_are_sent_once_for_bag_flights_and_a_small_object_inspected(
     assert controller.settle(30)
     assert set(controller.sprites.sprites) == {out}
     assert session.states[out] is ObjectState.UNPACKED
-    assert controller.statistics.uploads == 2
+    assert controller.renderer.canvas_backend.uploads == 2
     # Inspected it is without stairs, as on the CPU.
     controller.inspect(out)
     pictures = []
@@ -138,17 +138,17 @@ def test_rays_are_cast_for_what_changes_the_picture_and_nothing_else(by_gl, sess
     viewer.scene.camera.zoom *= 0.8
     assert controller.settle(30)
     height, width = controller.packed.image.window.size
-    cast = controller.statistics.rays_cast
+    cast = controller.renderer.canvas_backend.rays_cast
     controller.unpack(1)
     controller.finish()
     assert controller.settle(30)
-    assert 0 < controller.statistics.rays_cast - cast < 0.7 * height * width
+    assert 0 < controller.renderer.canvas_backend.rays_cast - cast < 0.7 * height * width
     partly = canvas(viewer)
     # There and back again: what belongs to no object is everywhere, so all is cast anew.
     for shown in (True, False):
         session.show_unlabelled = shown
         assert controller.settle(30)
-    assert controller.statistics.rays_cast - cast > height * width
+    assert controller.renderer.canvas_backend.rays_cast - cast > height * width
     np.testing.assert_array_equal(canvas(viewer), partly)
     rays_are_cast_again_for_what_changes_the_picture_and_for_nothing_else(viewer, controller)
 

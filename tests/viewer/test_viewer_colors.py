@@ -41,14 +41,14 @@ def test_half_way_the_canvas_is_half_of_both_and_goes_on_from_what_is_seen(
     slow, session, qtbot
 ) -> None:
     viewer, controller, time = slow
-    passes, before = controller.statistics.packed_passes, canvas(viewer)
+    passes, before = controller.renderer.packed_renderer.passes, canvas(viewer)
     session.apply_hues({i: (h + 0.4) % 1 for i, h in session.hues.items()}, undoable=False)
     qtbot.waitUntil(lambda: controller.fade.running, timeout=10000)
     move_on(controller, time, 0.5)
     half = canvas(viewer)
     finished(controller, time)
     after = canvas(viewer)
-    assert controller.statistics.packed_passes == passes + 1
+    assert controller.renderer.packed_renderer.passes == passes + 1
     assert np.abs(after - before).max() > 80
     assert np.abs(half - (before + after) / 2).max() <= 3
     a_second_change_sets_out_from_what_is_seen(slow, session, qtbot)
@@ -61,12 +61,12 @@ def a_second_change_sets_out_from_what_is_seen(slow, session, qtbot) -> None:
     session.apply_hues({i: (h + 0.4) % 1 for i, h in hues.items()}, undoable=False)
     qtbot.waitUntil(lambda: controller.fade.running, timeout=10000)
     move_on(controller, time, 0.5)
-    half, passes = canvas(viewer), controller.statistics.packed_passes
+    half, passes = canvas(viewer), controller.renderer.packed_renderer.passes
     session.apply_hues({i: (h + 0.2) % 1 for i, h in hues.items()}, undoable=False)
     qtbot.waitUntil(lambda: controller.renderer.packed_renderer.is_full, timeout=10000)
     assert np.abs(canvas(viewer) - half).max() <= 3
     finished(controller, time)
-    assert controller.statistics.packed_passes == passes + 1
+    assert controller.renderer.packed_renderer.passes == passes + 1
     # The picture under the hand, coarser, comes as soon as this is told.
     shown = canvas(viewer)
     controller.renderer.packed_renderer.recast()
@@ -89,7 +89,7 @@ def test_the_graphics_card_casts_hues_on_their_way(slow, session, qtbot, monkeyp
     monkeypatch.setattr("napari_unpack.viewer.packed_renderer.FADING_SECONDS", 60.0)
     controller.backend = "gl"
     assert controller.settle(60)
-    uploads = controller.statistics.uploads
+    uploads = controller.renderer.canvas_backend.uploads
     seen = []
     tints = canvas_backend.CanvasBackend.packed_tints
 
@@ -105,7 +105,7 @@ def test_the_graphics_card_casts_hues_on_their_way(slow, session, qtbot, monkeyp
     finished(controller, time)
     np.testing.assert_allclose(seen[-1], session.packed_tints()[7, :3])
     assert any(np.abs(tint - seen[-1]).max() > 0.05 for tint in seen)
-    assert controller.statistics.uploads == uploads
+    assert controller.renderer.canvas_backend.uploads == uploads
     assert not controller.renderer.canvas_backend.hues_on_the_way
 
 
@@ -113,7 +113,7 @@ def test_backgrounds_are_behind_the_bag_and_cost_no_pass(staged, session, qtbot)
     viewer, controller = staged
     controller.recolor_at_rest = False
     assert controller.settle(30)
-    passes, plain = controller.statistics.packed_passes, canvas(viewer)
+    passes, plain = controller.renderer.packed_renderer.passes, canvas(viewer)
     bag = np.abs(plain - plain[0, 0]).max(axis=2) > 60
     session.decorations = Decorations.of("#ffffff,#000000")
     gradient = canvas(viewer)
@@ -128,7 +128,7 @@ def test_backgrounds_are_behind_the_bag_and_cost_no_pass(staged, session, qtbot)
     light = canvas(viewer)
     np.testing.assert_allclose(light[3, 3], (242, 243, 245), atol=1)
     assert controller.settle(30)
-    assert controller.statistics.packed_passes == passes
+    assert controller.renderer.packed_renderer.passes == passes
 
 
 def test_the_box_is_hidden_by_the_bag_in_front_of_it(staged, session) -> None:

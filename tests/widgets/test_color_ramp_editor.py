@@ -204,11 +204,11 @@ def test_the_name_of_the_curve_follows_undo_and_sessions_that_open(piled, panel,
 def test_the_menu_keeps_the_colours_of_chosen_objects(piled, panel) -> None:
     ids = sorted(piled.states)[:2]
     panel.objects.table.show_selection(frozenset(ids))
-    entries = {action.text(): action for action in panel.objects.menu().actions()}
+    entries = {action.text(): action for action in panel.objects.pane.menu().actions()}
     assert not entries["Let colour change"].isEnabled()
     entries["Keep colour"].trigger()
     assert piled.locked_hues == frozenset(ids)
-    entries = {action.text(): action for action in panel.objects.menu().actions()}
+    entries = {action.text(): action for action in panel.objects.pane.menu().actions()}
     assert not entries["Keep colour"].isEnabled()
     entries["Let colour change"].trigger()
     assert piled.locked_hues == frozenset()

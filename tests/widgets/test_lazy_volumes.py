@@ -6,6 +6,7 @@ import dask.array
 import numpy as np
 import pytest
 
+from napari_unpack.widgets import layer_inputs
 from napari_unpack.widgets.layer_inputs import Volume, in_memory
 from napari_unpack.widgets.session_builder import build
 
@@ -35,9 +36,13 @@ def test_a_dask_volume_is_prepared_like_the_array_it_stands_for(
     np.testing.assert_array_equal(*labels)
 
 
-def test_a_volume_larger_than_memory_says_what_to_do_and_is_not_read() -> None:
+def test_a_volume_larger_than_memory_says_what_to_do_and_is_not_read(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(layer_inputs, "total_memory", lambda: 16e9)
     far = Volume(_Far(), MM, "scan")
     with pytest.raises(ValueError, match=r"'scan' \(2048 x 2048 x 2048\) needs about 120 GB"):
-        in_memory(far, memory=16e9)
+        in_memory(far)
     whole = np.zeros((2, 2, 2))
-    assert in_memory(Volume(whole, MM, "here"), memory=1.0) is whole
+    monkeypatch.setattr(layer_inputs, "total_memory", lambda: 1.0)
+    assert in_memory(Volume(whole, MM, "here")) is whole

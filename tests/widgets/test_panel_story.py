@@ -169,7 +169,7 @@ def test_the_table_and_the_session_select_hide_and_name_together(
     qtbot.waitUntil(panel.objects.show_all.isEnabled, timeout=20000)
     press(qtbot, panel.objects.show_all)
     assert set(states(piled).values()) == {"PACKED"}
-    menu = panel.objects.menu()
+    menu = panel.objects.pane.menu()
     texts = {action.text(): action.isEnabled() for action in menu.actions()}
     assert texts["Unpack"]
     assert texts["Inspect"]

@@ -285,7 +285,7 @@ def test_the_delete_key_over_picture_and_table_deletes_what_is_selected(
 def _offered(panel: UnpackingWidget, qtbot: QtBot) -> bool:
     """Return whether the button deletes, having seen that the menu says the same."""
     qtbot.waitUntil(lambda: panel.workspace.settled, timeout=20000)
-    menu = panel.objects.menu()
+    menu = panel.objects.pane.menu()
     (entry,) = [action for action in menu.actions() if action.text() == "Delete"]
     assert entry.isEnabled() == panel.objects.delete.isEnabled()
     menu.close()

@@ -193,7 +193,7 @@ def test_shift_drag_carries_a_sprite_and_hover_shows_where_it_was(
     assert patch.col < home[1] < patch.col + patch.size[1]
     assert patch.rgba[..., 3].max() < 0.5
 
-    angles, casts = controller.viewer.scene.camera.angles, controller.statistics.sprites_cast
+    angles, casts = controller.viewer.scene.camera.angles, controller.renderer.sprite_renderer.casts
     shift = Qt.KeyboardModifier.ShiftModifier
     drag(widget, at, QPoint(-30, 40), qtbot, shift)
     qtbot.waitUntil(lambda: session.poses[out] is not before, timeout=10000)
@@ -201,7 +201,7 @@ def test_shift_drag_carries_a_sprite_and_hover_shows_where_it_was(
     np.testing.assert_allclose(moved - [row, col], [40, -30], atol=1.5)
     assert session.state.placements[out].slot == slot
     assert controller.viewer.scene.camera.angles == angles
-    assert controller.statistics.sprites_cast == casts
+    assert controller.renderer.sprite_renderer.casts == casts
     panel.commands.undo()
     np.testing.assert_allclose(session.poses[out].center, before.center)
     move(widget, QPoint(3, 3))

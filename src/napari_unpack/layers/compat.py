@@ -9,7 +9,6 @@ opened in the viewer.
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -103,7 +102,7 @@ def register(layer: type[Layer], adapter: type[Any], sentence: str) -> None:
         layer_to_visual[layer] = adapter
         layer_to_controls[layer] = _controls(sentence)
         # Some versions of napari have more buttons, which they find by class too.
-        with contextlib.suppress(ImportError):
+        with suppress(ImportError):
             from napari._qt.layer_controls.dynamic import qt_dynamic_layer_controls as dynamic
 
             dynamic.buttons_dict[layer] = dynamic.QtMultiLayerButtons
@@ -115,19 +114,13 @@ def unwrap(proxy: Any) -> Any:
     return getattr(proxy, "__wrapped__", proxy)
 
 
-def repaint(viewer: napari.Viewer) -> None:
-    """Ask for the canvas to be drawn again soon."""
-    canvas = native_canvas(viewer)
-    if canvas is not None:
-        canvas.update()
+def _qt_viewer(viewer: napari.Viewer) -> Any:
+    return getattr(getattr(unwrap(viewer), "window", None), "_qt_viewer", None)
 
 
 def native_canvas(viewer: napari.Viewer) -> SceneCanvas | None:
     """Return the vispy canvas of a viewer, or None where it has no window any more."""
-    window = getattr(unwrap(viewer), "window", None)
-    qt_viewer = getattr(window, "_qt_viewer", None)
-    canvas = getattr(qt_viewer, "canvas", None)
-    return getattr(canvas, "_scene_canvas", None)
+    return getattr(getattr(_qt_viewer(viewer), "canvas", None), "_scene_canvas", None)
 
 
 def native_window(viewer: napari.Viewer) -> QMainWindow | None:
@@ -165,10 +158,9 @@ def draw_in_units(viewer: napari.Viewer, layer: Layer, units: Sequence[Any] | No
     units : sequence of pint.Unit or None
         Of napari's world; None where those of its layers clash.
     """
-    qt_viewer: Any = getattr(getattr(unwrap(viewer), "window", None), "_qt_viewer", None)
     # Other versions of napari keep units elsewhere; the next draw then sets all right.
     with suppress(AttributeError, KeyError):
-        qt_viewer.canvas.layer_to_visual[layer].world_units = units
+        _qt_viewer(viewer).canvas.layer_to_visual[layer].world_units = units
 
 
 def is_shown(viewer: napari.Viewer) -> bool:
@@ -339,7 +331,7 @@ def build_anew(viewer: napari.Viewer, layers: Sequence[Layer]) -> bool:
     viewer : napari.Viewer
     layers : sequence of napari layers
     """
-    qt_viewer: Any = getattr(getattr(unwrap(viewer), "window", None), "_qt_viewer", None)
+    qt_viewer = _qt_viewer(viewer)
     # Other versions of napari do this elsewhere; layers then stay as they are.
     try:
         canvas = qt_viewer.canvas
@@ -382,8 +374,7 @@ def refresh_status(viewer: napari.Viewer) -> None:
     napari asks the active layer in a thread of its own as soon as the mouse moves, before our
     callbacks hear of it; its answer, of what was there before, comes after ours.
     """
-    window = getattr(unwrap(viewer), "window", None)
-    thread = getattr(getattr(window, "_qt_window", None), "status_thread", None)
+    thread = getattr(native_window(viewer), "status_thread", None)
     # Other versions of napari ask at once, in the main thread.
     if thread is not None:
         thread.trigger_status_update()
@@ -396,7 +387,6 @@ def when_window_closes(viewer: napari.Viewer, callback: Callable[[], None]) -> C
     ----------
     viewer : napari.Viewer
     callback : callable
-
 
     Notes
     -----

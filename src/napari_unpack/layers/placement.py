@@ -93,20 +93,20 @@ def unit_ratios(layer: Layer, units: Sequence[Any] | None) -> NDArray[np.float64
     return np.array([float((1.0 * own).to(other).magnitude) for own, other in pairs])
 
 
-def napari_from_world(layer: PictureLayer, units: Sequence[Any] | None = None) -> Matrix:
+def napari_from_world(layer: PictureLayer, units: Sequence[Any] | None) -> Matrix:
     """Return the map from the session's world, mm, to napari's.
 
     Parameters
     ----------
     layer : PictureLayer
         One of ours.
-    units : sequence of pint.Unit, optional
-        Of napari's world; by default the layer's own.
+    units : sequence of pint.Unit or None
+        Of napari's world (`units_of`).
     """
     return data_to_world(layer, units) @ voxel_from_world(layer.spacing)
 
 
-def scene_from_world(layer: PictureLayer, units: Sequence[Any] | None = None) -> Matrix:
+def scene_from_world(layer: PictureLayer, units: Sequence[Any] | None) -> Matrix:
     """Return the map from the session's world, mm, to what napari's camera looks at.
 
     Parameters
@@ -164,12 +164,7 @@ def standing(layer: Layer, spacing: ArrayLike) -> Matrix:
         Along axes whose unit is no length, pixels say, to that unit.
     """
     matrix = data_to_world(layer) @ voxel_from_world(spacing)
-    lengths = [own.is_compatible_with("mm") for own in layer.units]
-    ratios = [
-        float((1.0 * own).to("mm").magnitude) if length else 1.0
-        for own, length in zip(layer.units, lengths, strict=True)
-    ]
-    matrix[:3] *= np.array(ratios)[:, None]
+    matrix[:3] *= np.array([_millimetres(unit) for unit in layer.units])[:, None]
     return matrix
 
 

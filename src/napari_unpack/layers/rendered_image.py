@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,64 +46,38 @@ class ImagePlace(PivotPlace):
         return -float(self.center[0])
 
 
-class Placed(Protocol):
-    """A rectangle of an image: a `ImagePatch`, or one that is still to be cast."""
-
-    @property
-    def row(self) -> int:
-        """First row of the whole image."""
-
-    @property
-    def col(self) -> int:
-        """First column of the whole image."""
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Height and width, pixels."""
-
-    @property
-    def plane(self) -> float:
-        """Depth t of what has none of its own, mm."""
-
-
 def image_place(
-    patch: Placed, made_for: Camera, size: tuple[int, int], seen_by: Camera
+    image: RenderedImage | CanvasImage, patch: ImagePatch | Window, seen_by: Camera
 ) -> ImagePlace:
     """Place a patch of an image where it belongs under the camera that looks now.
 
     Parameters
     ----------
+    image : RenderedImage or CanvasImage
     patch : ImagePatch or Window
-        Where the pixels are in the whole image.
-    made_for : Camera
-        The camera the image was cast for.
-    size : (int, int)
-        Height and width of the whole image, pixels.
+        Where its pixels are in the whole image.
     seen_by : Camera
         The camera that looks now.
-
-    Returns
-    -------
-    ImagePlace
 
     Notes
     -----
     Under the same camera this is the patch's window, exactly; after a zoom or a pan the old
     image follows at once, while the new one is being cast. A turn it cannot follow.
     """
+    made_for, (rows, cols), (height, width) = image.camera, image.size, patch.size
     # In the pivot plane, where perspective changes no size.
-    mm = made_for.height / size[0]
-    height, width = patch.size
+    mm = made_for.height / rows
     towards, down, right = seen_by.linear @ (made_for.center - seen_by.center)
-    return ImagePlace(
+    place = ImagePlace(
         center=(
             float(towards),
-            float(down) + (patch.row + (height - size[0]) / 2) * mm,
-            float(right) + (patch.col + (width - size[1]) / 2) * mm,
+            float(down) + (patch.row + (height - rows) / 2) * mm,
+            float(right) + (patch.col + (width - cols) / 2) * mm,
         ),
         half=(height * mm / 2, width * mm / 2),
         plane=patch.plane,
     )
+    return replace(place, ndc_depth=FRONT) if image.in_front else place
 
 
 # Faint, so that a row of sprites is no row of frames; chosen ones are meant to be seen.
@@ -150,11 +124,8 @@ class RenderedImage:
 
         Parameters
         ----------
-        patch : ImagePatch
-        camera : Camera
-            What it was cast for.
-        size : (int, int)
-            Height and width of the whole image, pixels.
+        patch, camera, size
+            See the class.
         """
         if patch.is_empty:
             return None
@@ -200,10 +171,7 @@ class RenderedImage:
             What looks now.
         opacity : float, optional
         """
-        place = image_place(self.patch, self.camera, self.size, seen_by)
-        if self.in_front:
-            place = replace(place, ndc_depth=FRONT)
-        return Quad(self.texture, place, opacity)
+        return Quad(self.texture, image_place(self, self.patch, seen_by), opacity)
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,11 +201,8 @@ class Sprite:
 
         Parameters
         ----------
-        patch : ImagePatch
-        pose : Pose
-            Where it waits and how it is turned.
-        mm : float
-            Size of a pixel, mm.
+        patch, pose, mm
+            See the class.
         """
         if patch.is_empty:
             return None
@@ -404,7 +369,4 @@ class CanvasImage:
             self._texture, self.ready = self.develop(), True
         if self._texture is None:
             return None
-        place = image_place(self.window, self.camera, self.size, seen_by)
-        if self.in_front:
-            place = replace(place, ndc_depth=FRONT)
-        return Quad(self._texture, place, opacity)
+        return Quad(self._texture, image_place(self, self.window, seen_by), opacity)

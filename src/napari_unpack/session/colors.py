@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import networkx as nx
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from napari_unpack.appearance import TransferFunction
 from napari_unpack.appearance.hues import spread_hues
-from napari_unpack.appearance.tints import Mode, Rgba, nearest_hue
 from napari_unpack.geometry.view import Camera
 from napari_unpack.rendering import interference_in
 from napari_unpack.session.ray_queries import Mask, RayQueries, Size
@@ -140,36 +139,6 @@ def pairs_beside(placements: Mapping[int, Placement], slots: Slots) -> tuple[tup
     return tuple((ids[a], ids[b]) for a, b in np.argwhere(np.triu(near, 1)))
 
 
-def hues_beside(
-    pairs: Iterable[tuple[int, int]], hues: Mapping[int, float], locked: Collection[int] = ()
-) -> dict[int, float]:
-    """Return hues of objects that stand beside each other, those of neighbours apart.
-
-    Parameters
-    ----------
-    pairs : iterable of (int, int)
-        From `pairs_beside`.
-    hues : mapping of int to float
-        As they are: few are changed, and those as little as can be.
-    locked : collection of int
-        Objects whose hue stays.
-    """
-    return spread_hues(nx.Graph(sorted(pairs)), hues, SPRITE_MARGIN, locked)
-
-
-def hues_of(colors: Mapping[int, Rgba], mode: Mode) -> frozenset[tuple[int, float]]:
-    """Return ID and nearest hue of objects of an own colour, for `HuesKey.own`.
-
-    Parameters
-    ----------
-    colors : mapping of int to (float, float, float, float)
-        Straight RGBA by ID.
-    mode : {"perceptual", "safe", "hsv"}
-        How hues become tints.
-    """
-    return frozenset((i, nearest_hue(color, mode)) for i, color in colors.items())
-
-
 def chosen_hues(
     graph: nx.Graph,
     previous: Mapping[int, float] | None,
@@ -193,7 +162,9 @@ def chosen_hues(
     # What has its own colour stays as it is, and its neighbours give way to it.
     known = {**(previous or {}), **own} if own else previous
     packed = spread_hues(graph, known, key.margin, locked)
-    return packed | hues_beside(key.beside, {**hues, **own}, locked)
+    beside = nx.Graph(sorted(key.beside))
+    # As few change as can be, and those as little.
+    return packed | spread_hues(beside, {**hues, **own}, SPRITE_MARGIN, locked)
 
 
 def find_interference(

@@ -193,8 +193,9 @@ class Document:
 
     def travel(self, way: Literal["undo", "redo"]) -> str | None:
         """Go a step back or forth; return what it was, None where there is none."""
-        history = self.history
-        found = history.undo(self.state) if way == "undo" else history.redo(self.state)
+        ways = self.history.undo, self.history.redo
+        go, back = ways if way == "undo" else ways[::-1]
+        found = go(self.state)
         if found is None:
             self.events.message.emit(f"There is nothing to {way}.")
             return None
@@ -203,7 +204,6 @@ class Document:
             self.enter(commands.inspect(found[1], None))
         except ValueError:
             # Refused before anything has changed, such as a plane too many: nor did the step.
-            back = history.redo if way == "undo" else history.undo
             back(self.state)
             raise
         return found[0].verb

@@ -58,18 +58,6 @@ def share_of(ratio: float) -> str:
     return f"{100 * ratio:.0f} %" if ratio >= 0.01 else "under 1 %"
 
 
-def least_occluded_sentence(name: str, ratio: float) -> str:
-    """Say which object is least occluded.
-
-    Parameters
-    ----------
-    name : str
-    ratio : float
-        Its occlusion ratio.
-    """
-    return f"{name} is the least occluded ({share_of(ratio)} occluded)"
-
-
 def percent(confidence: float) -> str:
     """Write a confidence; never as 100 %, since no oracle is that sure."""
     return f"{min(100 * confidence, 99):.0f} %"

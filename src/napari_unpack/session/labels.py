@@ -348,14 +348,11 @@ class LabelData:
 
     def at(self, edit: Edit | None) -> LabelData:
         """Return the labels at another place of the chain of edits; exact both ways."""
-        found = self
-        back, forth = _way(self.edit, edit)
+        found, way = self, _way(self.edit, edit)
         # Several steps away it would stand for the labels of every step between, too.
-        kept = self.previous if self.knows(edit) and len(back) + len(forth) == 1 else None
-        for step in back:
-            found = found._moved(step, 1, 0, step.earlier, kept)
-        for step in forth:
-            found = found._moved(step, 0, 1, step, kept)
+        kept = self.previous if self.knows(edit) and len(way) == 1 else None
+        for step, forth in way:
+            found = found._moved(step, forth, kept)
         return found
 
     def seen_from(self, now: LabelData) -> LabelData:
@@ -366,11 +363,8 @@ class LabelData:
         now : LabelData
             Of the revision that they were worked out from.
         """
-        back, forth = _way(now.edit, self.edit)
-        for step in back:
-            now = replace(now, facts=now._exchanged(step, 1, 0))
-        for step in forth:
-            now = replace(now, facts=now._exchanged(step, 0, 1))
+        for step, forth in _way(now.edit, self.edit):
+            now = replace(now, facts=now.facts_after(step, forth))
         return replace(self, facts=now.facts)
 
     def knows(self, edit: Edit | None) -> bool:
@@ -439,7 +433,7 @@ class LabelData:
                 ]
         edit = Edit(self.edit, change, (old, new), (before, after), self.rating)
         named = self if given_ids is None else replace(self, given_ids=given_ids)
-        return named._moved(edit, 0, 1, edit, None, labels)
+        return named._moved(edit, True, None, labels)
 
     def rescored(self, scores: Mapping[int, float], rating: Rating | None) -> LabelData:
         """Return them with another confidence of every object; NaN where none is given.
@@ -459,37 +453,39 @@ class LabelData:
         column.loc[list(names)] = list(names.values())
         return replace(self, facts=self.facts.assign(name=column))
 
-    def facts_after(self, edit: Edit) -> pd.DataFrame:
-        """Return the table of objects after an edit of these labels."""
-        return self._exchanged(edit, 0, 1)
+    def facts_after(self, step: Edit, forth: bool = True) -> pd.DataFrame:
+        """Return the table of objects after an edit of these labels.
 
-    def _exchanged(self, step: Edit, source: int, target: int) -> pd.DataFrame:
-        gone, come = step.facts[source], step.facts[target]
+        Parameters
+        ----------
+        step : Edit
+        forth : bool
+            False where it is taken back.
+        """
+        gone, come = step.facts if forth else step.facts[::-1]
         # Another model's confidence would stand beside this one's: it is asked for again.
         if step.rating is not self.rating:
             come = come.assign(confidence=np.nan)
         found = _exchanged(self.facts, gone, come)
         # A new object without a value had made whole numbers floats: undo brings back what was.
         # Scores are those of now.
-        return found if target else found.astype(come.dtypes.drop("confidence").to_dict())
+        return found if forth else found.astype(come.dtypes.drop("confidence").to_dict())
 
     def _moved(
         self,
         step: Edit,
-        source: int,
-        target: int,
-        edit: Edit | None,
+        forth: bool,
         kept: LabelData | None,
         labels: NDArray[np.uint16] | None = None,
     ) -> LabelData:
-        change = step.change if target else step.change.reverse()
+        change = step.change if forth else step.change.reverse()
         display = None
         if kept is not None:
             # The very arrays of then: nothing is copied.
             labels, display = kept.labels, kept._display
         elif labels is None:
             labels = change.apply(self.labels).astype(np.uint16, copy=False)
-        gone, come = step.boxes[source], step.boxes[target]
+        gone, come = step.boxes if forth else step.boxes[::-1]
         stay = ~np.isin(self.boxes.ids, gone.ids)
         ids = np.concatenate([self.boxes.ids[stay], come.ids])
         order = np.argsort(ids)
@@ -500,7 +496,6 @@ class LabelData:
                 for name in ("lower", "upper", "counts")
             ),
         )
-        facts = self._exchanged(step, source, target)
         if display is None and self._display is not None:
             # Growing all labels takes a second for a large volume.
             display = _regrown(self._display, labels, change.box)
@@ -508,8 +503,8 @@ class LabelData:
             self,
             labels=labels,
             boxes=boxes,
-            facts=facts,
-            edit=edit,
+            facts=self.facts_after(step, forth),
+            edit=step if forth else step.earlier,
             revision=self.revision + 1,
             previous=None,
             _display=display,
@@ -541,16 +536,16 @@ def touched_between(before: Edit | None, after: Edit | None) -> frozenset[int]:
     before, after : Edit, optional
         The places; None is the labels as they were given.
     """
-    back, forth = _way(before, after)
-    return frozenset(i for step in (*back, *forth) for i in step.change.touched)
+    return frozenset(i for step, _ in _way(before, after) for i in step.change.touched)
 
 
-def _way(before: Edit | None, after: Edit | None) -> tuple[list[Edit], list[Edit]]:
-    """Return the edits to take back, the latest first, and those to make then."""
+def _way(before: Edit | None, after: Edit | None) -> list[tuple[Edit, bool]]:
+    """Return the edits to take back (False), the latest first, and those to make then (True)."""
     here, there = _chain(before), _chain(after)
     # Edits are compared as objects: two that do the same are two.
     common = sum(1 for a, b in zip(here, there, strict=False) if a is b)
-    return here[common:][::-1], there[common:]
+    back, forth = here[common:][::-1], there[common:]
+    return [*((step, False) for step in back), *((step, True) for step in forth)]
 
 
 def _chain(edit: Edit | None) -> list[Edit]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from napari_unpack.appearance.tints import nearest_hue
 from napari_unpack.geometry.axes import Vector, triple
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
 from napari_unpack.session import colors
@@ -34,8 +35,8 @@ from napari_unpack.session.errors import (
     BlockedError,
     NobodyFreeError,
     NoTableError,
-    least_occluded_sentence,
     listed_objects,
+    share_of,
 )
 from napari_unpack.session.labels import Edit, LabelData
 from napari_unpack.session.object_state import ObjectState, ids_in
@@ -479,7 +480,8 @@ class Queries:
         known = self.occlusion(packed=packed)
         least = known.least_occluded(packed)
         (name,) = self._session.names([least])
-        return least_occluded_sentence(name, known.first_hit.get(least, 0.0))
+        share = share_of(known.first_hit.get(least, 0.0))
+        return f"{name} is the least occluded ({share} occluded)"
 
     def _known_next(
         self, chosen: frozenset[int] | None, count: int, packed: frozenset[int]
@@ -561,8 +563,7 @@ class Queries:
         NoTableError
             If there are too many objects, or the rule has no table of blockers.
         """
-        task = self.reveal_plan_task(object_id)
-        if task is not None:
+        if (task := self.reveal_plan_task(object_id)) is not None:
             self.store(task, task.run(no_progress))
         known: RevealResult = self._cache.find(RevealKey(object_id, self._occlusion_key()))
         return known.plan
@@ -625,19 +626,18 @@ class Queries:
 
     def _hues_key(self, keep: bool) -> HuesKey:
         session = self._session
-        view, data = session.view_state, session.label_data
+        state, view, data = session.state, session.view_state, session.label_data
         # What flies has left the bag's picture, and keeps its hue.
         shown = frozenset(ids_in(self.states(), ObjectState.PACKED))
         visibility = VisibilityKey(
             data.revision, view.camera, view.canvas_size, shown, view.clipping.tobytes()
         )
         # Before hues were chosen for any view there is nothing worth keeping.
-        previous = Identity(session.state.hues) if keep and view.recolored else None
-        own = colors.hues_of(session.state.colors, view.tint_mode)
-        hidden = session.state.hidden
-        seen = {i: at for i, at in session.state.placements.items() if i not in hidden}
+        previous = Identity(state.hues) if keep and view.recolored else None
+        own = frozenset((i, nearest_hue(c, view.tint_mode)) for i, c in state.colors.items())
+        seen = {i: at for i, at in state.placements.items() if i not in state.hidden}
         beside = colors.pairs_beside(seen, self.slots())
-        standing = Identity(session.state.hues) if beside else None
+        standing = Identity(state.hues) if beside else None
         locked = view.locked_hues
         return HuesKey(visibility, previous, view.hue_margin, locked, own, beside, standing)
 

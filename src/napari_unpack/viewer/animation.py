@@ -15,7 +15,6 @@ from qtpy.QtWidgets import QApplication, QStyle
 from napari_unpack.geometry.axes import Matrix, Vector
 from napari_unpack.geometry.easing import ease
 from napari_unpack.geometry.transforms import Pose, packed_pose
-from napari_unpack.geometry.view import Camera
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.viewer.scheduler import Scheduler
@@ -169,26 +168,6 @@ class Inspection:
         return replace(self, since=now, leaving=True)
 
 
-def inspection_of(
-    object_id: int, home: Pose | None, diameter: float, camera: Camera, now: float
-) -> Inspection:
-    """Begin an inspection: the object keeps its turn, the view of now is to be filled.
-
-    Parameters
-    ----------
-    object_id : int
-    home : Pose or None
-        Where it waits otherwise, pivot space; None in the bag.
-    diameter : float
-        Diagonal of its box, mm.
-    camera : Camera
-    now : float
-        The time, s.
-    """
-    rotation = camera.rotation if home is None else home.rotation
-    return Inspection(object_id, home, diameter, rotation, now, camera.height)
-
-
 @dataclass(frozen=True, eq=False)
 class Moving:
     """One object to be cast where it is now.
@@ -339,11 +318,11 @@ class Animator:
         now : float
             s, on the session's clock.
         """
-        session = self._session
-        spacing = session.spacing
+        session, camera = self._session, frame.camera
         home = session.poses.get(object_id)
-        diameter = 2 * session.boxes.radius(object_id, spacing, frame.camera.stretch)
-        self.inspection = inspection_of(object_id, home, diameter, frame.camera, now)
+        diameter = 2 * session.boxes.radius(object_id, session.spacing, camera.stretch)
+        rotation = camera.rotation if home is None else home.rotation
+        self.inspection = Inspection(object_id, home, diameter, rotation, now, camera.height)
 
     def view_changed(self, now: float) -> None:
         """Take note that the camera moves: what is inspected in the bag is cast coarsely then.

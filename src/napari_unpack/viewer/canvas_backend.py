@@ -41,6 +41,10 @@ FRINGE_VOXELS = 2
 BYTES_A_FRAME = 16 * 2**20
 
 
+Look = tuple[NDArray[np.float32], NDArray[np.float64] | None, TransferFunction]
+"""Tints by ID, clipping planes and the transfer function."""
+
+
 @dataclass(frozen=True, eq=False)
 class _Known:
     """An appearance, and which bricks it leaves empty."""
@@ -224,22 +228,13 @@ class CanvasBackend:
         CanvasImage or None
             None where the bag is out of view.
         """
-        shape = np.asarray(self._session.labels.shape)
-        ends = np.zeros(3), shape - 1.0
-        # A function, asked when it is cast: hues may be on their way until then.
-        tints = self.packed_tints
-        return self._image(
-            "packed",
-            ends,
-            None,
-            camera,
-            size,
-            step,
-            tints,
-            done,
-            self._clipping,
-            lambda: self._session.transfer_function,
-        )
+        session = self._session
+        ends = np.zeros(3), np.asarray(session.labels.shape) - 1.0
+
+        def look() -> Look:
+            return self.packed_tints(), session.clipping, session.transfer_function
+
+        return self._image("packed", ends, None, camera, size, step, done, look)
 
     def moving(
         self,
@@ -286,10 +281,6 @@ class CanvasBackend:
         self._free()
         self._subvolume = None
 
-    def _clipping(self) -> NDArray[np.float64]:
-        planes: NDArray[np.float64] = self._session.clipping
-        return planes
-
     def packed_tints(self) -> NDArray[np.float32]:
         """Return the tints by ID of what is packed, hues on their way among them."""
         tints: NDArray[np.float32] = self._session.packed_tints()
@@ -318,18 +309,13 @@ class CanvasBackend:
         center = session.boxes.center(object_id, session.spacing)
         moved = moving.pose.world_from_world(center, camera)
         voxels = np.eye(4) if self._subvolume is None else self._subvolume.voxel_from_world
-        return self._image(
-            place,
-            (low.astype(float), high - 1.0),
-            moved,
-            camera,
-            size,
-            step,
-            lambda: session.solo_tints(object_id),
-            done,
-            lambda: session.style(object_id).planes(voxels),
-            lambda: session.transfer_function_of(object_id),
-        )
+
+        def look() -> Look:
+            clipping = session.style(object_id).planes(voxels)
+            return session.solo_tints(object_id), clipping, session.transfer_function_of(object_id)
+
+        ends = low.astype(float), high - 1.0
+        return self._image(place, ends, moved, camera, size, step, done, look)
 
     def _image(
         self,
@@ -339,10 +325,8 @@ class CanvasBackend:
         camera: Camera,
         size: tuple[int, int],
         step: float,
-        tints: Callable[[], NDArray[np.float32]],
         done: Callable[[float], None],
-        clipping: Callable[[], NDArray[np.float64] | None],
-        function: Callable[[], TransferFunction],
+        look: Callable[[], Look],
     ) -> CanvasImage | None:
         if self._subvolume is None:
             return None
@@ -371,7 +355,8 @@ class CanvasBackend:
                     return None
                 return found[1] - part[1], found[0] - part[0], found[3], found[2]
 
-            return self._cast(key, rays, tints(), done, clipping(), function(), where)
+            # Asked when it is cast: hues may be on their way until then.
+            return self._cast(key, rays, look(), done, where)
 
         return CanvasImage(window, camera, size, develop)
 
@@ -379,14 +364,13 @@ class CanvasBackend:
         self,
         key: object,
         rays: Rays,
-        tints: NDArray[np.float32],
+        look: Look,
         done: Callable[[float], None],
-        clipping: NDArray[np.float64] | None,
-        function: TransferFunction,
         where: Where,
     ) -> ImageTexture | None:
         if self._store is None or self._subvolume is None or not self.active:
             return None
+        tints, clipping, function = look
         known = self._appearance(self._subvolume, key, tints, function)
         caster = self._casters.get(key)
         if caster is None:

@@ -132,7 +132,7 @@ class ControllerConnections:
             if resized:
                 one.framing.follow()
                 self._resized = True
-                one.scheduler.debounce(self._forget_picture, 0, self._forget_picture)
+                one.scheduler.debounce(0, self._forget_picture)
                 if self._pictured:
                     # Back in its own size: nothing has moved for a person.
                     one.renderer.glides.finish()

@@ -34,7 +34,7 @@ from napari_unpack.viewer.modal_queries import find_unpackable, measure_next, ru
 from napari_unpack.viewer.overlays import Overlays
 from napari_unpack.viewer.process_end import end_with_process
 from napari_unpack.viewer.ruler_drawing import RulerDrawing
-from napari_unpack.viewer.scene_renderer import SceneRenderer, Statistics
+from napari_unpack.viewer.scene_renderer import SceneRenderer
 from napari_unpack.viewer.scheduler import Scheduler, Worker
 from napari_unpack.viewer.slice_sync import SliceHues, SliceSteps
 from napari_unpack.viewer.sprite_names import SpriteNames
@@ -198,11 +198,6 @@ class SessionController:
     def inspected(self) -> int:
         """The object being inspected, 0 for none."""
         return self.renderer.inspected
-
-    @property
-    def statistics(self) -> Statistics:
-        """What was cast and sent so far."""
-        return self.renderer.statistics
 
     @property
     def fade(self) -> HueFade:

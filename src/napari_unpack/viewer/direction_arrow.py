@@ -75,7 +75,7 @@ class DirectionArrow:
     def ends(self, frame: Frame) -> NDArray[np.float64] | None:
         """Return its (2, 3) start and tip in pivot space; None where there is no arrow."""
         if self.drawn is not None:
-            return pivot_points(self.drawn, frame.camera, frame.size)
+            return np.stack([frame.camera.ray(pixel, frame.size)[0] for pixel in self.drawn])
         inspecting = ObjectState.INSPECTED in self._session.states.values()
         if self._session.direction is None or inspecting:
             return None
@@ -236,29 +236,6 @@ def arrow_lines(ends: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     side = np.array([0.0, -way[2], way[1]])
     barbs = [ends[1] - HEAD * (way + sign * 0.6 * side) for sign in (1, -1)]
     return [ends, *(np.stack([ends[1], barb]) for barb in barbs)]
-
-
-def pivot_points(
-    pixels: NDArray[np.float64], camera: Camera, size: tuple[int, int]
-) -> NDArray[np.float64]:
-    """Return the points of the pivot plane under pixels of a frame.
-
-    Parameters
-    ----------
-    pixels : (n, 2) ndarray of float64
-        Row and column.
-    camera : Camera
-    size : (int, int)
-        Height and width of the frame, pixels.
-
-    Returns
-    -------
-    (n, 3) ndarray of float64
-        Pivot space, mm.
-    """
-    middle = (np.asarray(size, dtype=np.float64) - 1) / 2
-    flat = (pixels - middle) * camera.height / size[0]
-    return np.concatenate([np.zeros((len(flat), 1)), flat], axis=1)
 
 
 def drawn_direction(pixels: NDArray[np.float64], camera: Camera) -> Vector | None:

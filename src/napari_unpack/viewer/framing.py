@@ -207,7 +207,7 @@ class Framing:
     def follow(self) -> None:
         """Make room for what comes out, and fill the window again as things go back."""
         # What asks may be a draw, in which the camera must not move.
-        self._scheduler.debounce(self._follow, 0, self._follow)
+        self._scheduler.debounce(0, self._follow)
 
     def begin_inspection(self, object_id: int) -> None:
         """Keep the view to come back to; bring near what is inspected in the bag.

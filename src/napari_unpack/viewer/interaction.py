@@ -328,10 +328,11 @@ class Interaction:
             return _Cut(self._target, handle, self._in_frame)
         if "Control" in modifiers and not inspected:
             return RubberBand(self._target, self.frame_pixel, start)
+        hand = self._target.renderer.held
         if held and not modifiers:
-            return _Turn(self._target, held)
+            return _Held(lambda way: hand.turn(held, drag_rotation(way)), lambda: hand.turned(held))
         if held and modifiers == {"Shift"} and not inspected:
-            return _Carry(self, self._target, held)
+            return _Held(lambda way: self.move(held, way), lambda: hand.moved(held))
         return None
 
     def _click_in_slice(self, event: MouseEvent) -> Generator[None, None, None]:
@@ -395,28 +396,15 @@ class _Grip(Protocol):
 
 
 @dataclass
-class _Turn:
-    target: SessionController
-    held: int
+class _Held:
+    follow: Callable[[Pixel], None]
+    let_go: Callable[[], None]
 
     def drag(self, last: Pixel, pixel: Pixel) -> None:
-        self.target.renderer.held.turn(self.held, drag_rotation(pixel - last))
+        self.follow(pixel - last)
 
     def release(self) -> None:
-        self.target.renderer.held.turned(self.held)
-
-
-@dataclass
-class _Carry:
-    interaction: Interaction
-    target: SessionController
-    held: int
-
-    def drag(self, last: Pixel, pixel: Pixel) -> None:
-        self.interaction.move(self.held, pixel - last)
-
-    def release(self) -> None:
-        self.target.renderer.held.moved(self.held)
+        self.let_go()
 
 
 @dataclass

@@ -146,7 +146,7 @@ class LabelSync:
         )
 
     def _wait(self) -> None:
-        self._scheduler.debounce(self._compare, QUIET_MS, self._compare)
+        self._scheduler.debounce(QUIET_MS, self._compare)
 
     def _compare(self) -> None:
         layer = self._painted

@@ -358,7 +358,7 @@ class LinkedSlices:
         """Show the crosshair's point in the 3D view, or not."""
         if marked or self._marked:
             repaint = self._controller.renderer.transition.repaint
-            self._controller.scheduler.throttle(self.marker, MARK_MS, repaint)
+            self._controller.scheduler.throttle(MARK_MS, repaint)
         self._marked = marked
 
     def _marker_point(self, frame: Frame) -> tuple[Vector, Camera] | None:

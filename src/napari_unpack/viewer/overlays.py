@@ -115,7 +115,7 @@ class OutlineRenderer:
     @property
     def pending(self) -> bool:
         """Whether outlines are about to be drawn."""
-        return self._scheduler.pending("outlines")
+        return self._scheduler.pending(self._draw)
 
     def outline(self, outlined: Outlined) -> None:
         """Outline these and no others."""
@@ -137,11 +137,11 @@ class OutlineRenderer:
         if self._image is not None:
             self._image = None
             self._show()
-        self._scheduler.debounce("outlines", OUTLINES_MS, self._draw)
+        self._scheduler.debounce(OUTLINES_MS, self._draw)
 
     def close(self) -> None:
         """Draw nothing more."""
-        self._scheduler.forget("outlines")
+        self._scheduler.forget(self._draw)
         self._frame = self._image = None
 
     def quads_at(self, frame: Frame) -> Sequence[Quad]:
@@ -155,7 +155,7 @@ class OutlineRenderer:
         session, frame = self._session, self._frame
         outlined, revision = self._outlined, self._revision
         if frame is not None and self._scheduler.idle_held(IdlePhase.IMAGE):
-            self._scheduler.debounce("outlines", OUTLINES_MS, self._draw)
+            self._scheduler.debounce(OUTLINES_MS, self._draw)
             return
         # Every landing draws them anew.
         if frame is None or session.flights:
@@ -245,8 +245,7 @@ class Overlays:
         shows: Callable[[Frame], bool],
     ) -> None:
         self._session, self._shows = session, shows
-        self._outlines_unpackable = True
-        self._wanted = Outlined()
+        self._wanted = Outlined(unpackable=True)
         self.outlines = OutlineRenderer(session, scheduler, show)
         self.ghost = Ghost(session, scheduler, show)
         self.arrow = DirectionArrow(session)
@@ -255,11 +254,11 @@ class Overlays:
     @property
     def outlines_unpackable(self) -> bool:
         """Whether objects that can leave now are outlined."""
-        return self._outlines_unpackable
+        return self._wanted.unpackable
 
     @outlines_unpackable.setter
     def outlines_unpackable(self, wanted: bool) -> None:
-        self._outlines_unpackable = bool(wanted)
+        self._wanted = replace(self._wanted, unpackable=bool(wanted))
         self.update()
 
     @property
@@ -294,10 +293,9 @@ class Overlays:
         """Outline what is to be outlined now."""
         session = self._session
         inspecting = ObjectState.INSPECTED in session.states.values()
-        selected = frozenset(session.selected)
-        wanted = replace(self._wanted, unpackable=self._outlines_unpackable, selected=selected)
+        self._wanted = replace(self._wanted, selected=frozenset(session.selected))
         # Lines of the dimmed bag would lie over the inspected object.
-        self.outlines.outline(Outlined() if inspecting else wanted)
+        self.outlines.outline(Outlined() if inspecting else self._wanted)
 
     def close(self) -> None:
         """Draw nothing more."""

@@ -64,7 +64,7 @@ class RedrawThrottle:
         if self._left_ms() > 0 and self._waits():
             # Not at once: napari tells the camera piece by piece.
             self._asked_at = monotonic()
-            self._scheduler.debounce(self._decide, 0, self._decide)
+            self._scheduler.debounce(0, self._decide)
         else:
             self._redraw()
 
@@ -78,7 +78,7 @@ class RedrawThrottle:
             return
         self._set_view(frame)
         # At the latest then: overlays and napari's own layers turn with the bag.
-        self._scheduler.throttle(self._redraw, left, self._redraw)
+        self._scheduler.throttle(left, self._redraw)
 
     def _left_ms(self) -> int:
         return LONGEST_MS - round(1000 * (monotonic() - self._layer.drawn_at))

@@ -74,7 +74,7 @@ class RulerDrawing:
         self._repaint()
         self.picked.emit(points)
 
-    def changed(self, _measurements: tuple[Measurement, ...] = ()) -> None:
+    def changed(self) -> None:
         """Draw what there is now."""
         self._repaint()
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,27 +31,6 @@ if TYPE_CHECKING:
 
 # Opacity of everything else during an inspection: still seen, but not in the way.
 DIMMED = 0.16
-
-
-@dataclass(frozen=True)
-class Statistics:
-    """What was cast and sent so far.
-
-    Parameters
-    ----------
-    packed_passes : int
-        Castings of the packed image: previews, full images and regions.
-    sprites_cast : int
-    uploads : int
-        Volume textures, and boxes of labels, sent to the graphics card.
-    rays_cast : int
-        On the graphics card.
-    """
-
-    packed_passes: int
-    sprites_cast: int
-    uploads: int
-    rays_cast: int
 
 
 class SceneRenderer:
@@ -121,17 +99,6 @@ class SceneRenderer:
 
         self.glides = Glides(scheduler, self.show_sprites, lambda: bag.fade.allowed, clock)
         self.flight_animation = scheduler.animate(self._tick, clock)
-
-    @property
-    def statistics(self) -> Statistics:
-        """What was cast and sent so far."""
-        canvas = self.canvas_backend
-        return Statistics(
-            packed_passes=self.packed_renderer.passes,
-            sprites_cast=self.sprite_renderer.casts,
-            uploads=canvas.uploads,
-            rays_cast=canvas.rays_cast,
-        )
 
     @property
     def settled(self) -> bool:
@@ -223,7 +190,8 @@ class SceneRenderer:
     def decorations_changed(self) -> None:
         """Follow the session's background and box."""
         around = self.session.decorations
-        self.packed.backdrop = self.packed.backdrop or backdrop_of(self.session)
+        if self.packed.backdrop is None:
+            self.packed.backdrop = Backdrop(self.session.bag.lower, self.session.bag.upper)
         self.packed.backdrop.show(around)
         self.sprites.on_light(around.background.is_light)
         self.packed.repaint()
@@ -390,8 +358,3 @@ class SceneRenderer:
             moving |= {self.animator.inspection.object_id}
         shown = waiting - (moving & frozenset(self.transition.images))
         self.sprite_renderer.want(poses, shown, frame.size[0] / frame.camera.height, gliding)
-
-
-def backdrop_of(session: Session) -> Backdrop:
-    """Return the backdrop of a session's bag."""
-    return Backdrop(session.bag.lower, session.bag.upper, session.decorations)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from functools import partial
 from time import monotonic, perf_counter
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from qtpy.QtCore import QCoreApplication, QEventLoop, QObject, Qt, QTimer, Signal
 from qtpy.QtGui import QGuiApplication
@@ -63,22 +63,6 @@ class IdlePhase(Enum):
     QUERIES = 250
 
 
-class _Timer(Protocol):
-    @property
-    def active(self) -> bool: ...
-
-    def start(self, milliseconds: int) -> None: ...
-
-    def stop(self) -> None: ...
-
-
-class _Timers(Protocol):
-    # Tests have one whose time is moved by hand.
-    def make(self, call: Call, repeating: bool = False) -> _Timer: ...
-
-    def now(self) -> float: ...
-
-
 class _QtTimer:
     def __init__(self, call: Call, repeating: bool) -> None:
         self._timer = QTimer()
@@ -107,7 +91,8 @@ class _QtTimer:
 
 
 class _QtTimers:
-    def make(self, call: Call, repeating: bool = False) -> _Timer:
+    # Tests have one whose time is moved by hand.
+    def make(self, call: Call, repeating: bool = False) -> _QtTimer:
         return _QtTimer(call, repeating)
 
     def now(self) -> float:
@@ -159,21 +144,6 @@ class Job:
             return TaskResult(error=error)
 
 
-class _Workers(Protocol):
-    # Tests have one that begins and finishes jobs when told.
-    def add(self, job: Job) -> None: ...
-
-    def jobs(self, owner: Scheduler) -> list[Job]: ...
-
-    def drop(self, job: Job) -> bool: ...
-
-    def wait_while(self, waits: Callable[[], bool]) -> None: ...
-
-    def post(self, call: Call) -> None: ...
-
-    def close(self) -> None: ...
-
-
 @dataclass(eq=False)
 class _Pool:
     threads: int
@@ -195,7 +165,8 @@ class ThreadWorkers:
 
     Notes
     -----
-    A worker goes on while the main thread draws; results come in the order of finishing.
+    A worker goes on while the main thread draws; results come in the order of finishing. Tests have
+    one that begins and finishes jobs when told.
     """
 
     def __init__(self) -> None:
@@ -341,7 +312,7 @@ class Animation:
 
 @dataclass(eq=False)
 class _Idle:
-    timer: _Timer
+    timer: _QtTimer
     milliseconds: int
     calls: list[Call] = field(default_factory=list)
     holds: dict[str, Callable[[], bool]] = field(default_factory=dict)
@@ -373,15 +344,15 @@ class Scheduler:
     def __init__(
         self,
         failed: Callable[[str], None] | None = None,
-        workers: _Workers | None = None,
-        timers: _Timers | None = None,
+        workers: ThreadWorkers | None = None,
+        timers: _QtTimers | None = None,
     ) -> None:
         self.closed = False
         self._failed = failed
         self._owns_workers = workers is None
-        self._workers: _Workers = ThreadWorkers() if workers is None else workers
-        self._timers: _Timers = _QtTimers() if timers is None else timers
-        self._debounced: dict[Hashable, tuple[_Timer, list[Call]]] = {}
+        self._workers = ThreadWorkers() if workers is None else workers
+        self._timers = _QtTimers() if timers is None else timers
+        self._debounced: dict[Call, _QtTimer] = {}
         self._animations: list[Animation] = []
         self._frames = self._timers.make(self._on_frame, repeating=True)
         self._idle = {
@@ -523,59 +494,52 @@ class Scheduler:
             From now.
         call : callable
         """
-        # A new object is a key that nothing else has.
-        self.debounce(object(), milliseconds, call)
+        # A new function is one that nothing else asks for.
+        self.debounce(milliseconds, lambda: call())
 
-    def debounce(self, key: Hashable, milliseconds: int, call: Call) -> None:
+    def debounce(self, milliseconds: int, call: Call) -> None:
         """Call once, when this was not asked for again for some time.
 
         Parameters
         ----------
-        key : hashable
-            What counts as the same.
         milliseconds : int
             After the last request.
         call : callable
-            The last one is called.
+            Equal ones, as a method of one object always is, are one request.
         """
         if self.closed:
             return
-        known = self._debounced.get(key)
-        if known is None:
-            calls = [call]
+        if call not in self._debounced:
 
             def fire() -> None:
-                # First: the call may ask again under the same key.
-                del self._debounced[key]
-                calls[0]()
+                # First: the call may ask again.
+                del self._debounced[call]
+                call()
 
-            known = self._debounced[key] = self._timers.make(fire), calls
-        known[1][0] = call
-        known[0].start(milliseconds)
+            self._debounced[call] = self._timers.make(fire)
+        self._debounced[call].start(milliseconds)
 
-    def throttle(self, key: Hashable, milliseconds: int, call: Call) -> None:
+    def throttle(self, milliseconds: int, call: Call) -> None:
         """Call once for all requests of some time.
 
         Parameters
         ----------
-        key : hashable
-            What counts as the same.
         milliseconds : int
             After the first request.
         call : callable
-            The first one is called.
+            As for `debounce`.
         """
-        if not self.pending(key):
-            self.debounce(key, milliseconds, call)
+        if not self.pending(call):
+            self.debounce(milliseconds, call)
 
-    def pending(self, key: Hashable) -> bool:
-        """Return whether a call of `debounce` or `throttle` is to come."""
-        return key in self._debounced
+    def pending(self, call: Call) -> bool:
+        """Return whether `debounce` or `throttle` is to make a call."""
+        return call in self._debounced
 
-    def forget(self, key: Hashable) -> None:
+    def forget(self, call: Call) -> None:
         """Do not make a call of `debounce` or `throttle`."""
-        if key in self._debounced:
-            self._debounced.pop(key)[0].stop()
+        if call in self._debounced:
+            self._debounced.pop(call).stop()
 
     # Idle phases.
 
@@ -688,7 +652,7 @@ class Scheduler:
             # Long work stops at its next report; the process ends without it if it must.
             job.stopping.set()
             self._workers.drop(job)
-        for timer, _ in self._debounced.values():
+        for timer in self._debounced.values():
             timer.stop()
         self._debounced.clear()
         for idle in self._idle.values():

@@ -106,7 +106,10 @@ class SliceSteps:
         Whose selection.
     layer : napari layer
         One of ours, which knows how voxels lie in napari's world.
-    clock : callable, optional
+
+    Attributes
+    ----------
+    clock : callable
         Returns the time, s.
 
     Notes
@@ -115,14 +118,9 @@ class SliceSteps:
     slices go there when 2D is next looked at.
     """
 
-    def __init__(
-        self,
-        viewer: napari.Viewer,
-        session: Session,
-        layer: Layer,
-        clock: Callable[[], float] = monotonic,
-    ) -> None:
-        self._viewer, self._session, self._layer, self.clock = viewer, session, layer, clock
+    def __init__(self, viewer: napari.Viewer, session: Session, layer: Layer) -> None:
+        self._viewer, self._session, self._layer = viewer, session, layer
+        self.clock: Callable[[], float] = monotonic
         self._held = self._moving = False
         self._pending = 0
         self._scrolled = -np.inf

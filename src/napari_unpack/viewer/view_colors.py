@@ -183,8 +183,8 @@ def colormap_for(ids: NDArray[Any], distance: float, present: NDArray[Any]) -> L
     if len(_present(ids)) > MANY:
         distance = min(distance, 1.5)
     graph = interference(ids, distance)
-    if shared_row(present):
-        graph = _as_one(graph, 1, MOST_ROWS)
+    if shared_row(present) and 1 in graph and MOST_ROWS in graph:
+        graph = nx.contracted_nodes(graph, 1, MOST_ROWS, self_loops=False)
     hues = assign_hues(graph, margin=MARGIN)
     if len(present) and present[-1] <= MOST_ROWS:
         hues = {int(i): golden_hue(int(i)) for i in present} | hues
@@ -233,12 +233,6 @@ def _present(labels: NDArray[Any]) -> NDArray[Any]:
 
 def _spread(count: int, wanted: int) -> NDArray[np.int64]:
     return ((np.arange(wanted) + 0.5) * count / wanted).astype(np.int64)
-
-
-def _as_one(graph: nx.Graph, kept: int, gone: int) -> nx.Graph:
-    if kept in graph and gone in graph:
-        return nx.contracted_nodes(graph, kept, gone, self_loops=False)
-    return graph
 
 
 def _world_from_data(layer: Labels, at: NDArray[Any], shown: list[int]) -> Matrix:

@@ -93,13 +93,13 @@ class ClippingBox(Collapsible):
         self.flip.clicked.connect(self._flip)
         self.across.activated.connect(lambda _: self._face())
         self.depth.valueChanged.connect(
-            lambda _: self._workspace.scheduler.throttle(self._push, APPLY_MS, self._push)
+            lambda _: self._workspace.scheduler.throttle(APPLY_MS, self._push)
         )
         self.box.toggled.connect(self._switch_box)
         self.whole.clicked.connect(lambda: self._set_box(self._limits()))
         for spin_box in (*self.sides[0], *self.sides[1]):
             spin_box.valueChanged.connect(
-                lambda _: self._workspace.scheduler.throttle(self._crop, APPLY_MS, self._crop)
+                lambda _: self._workspace.scheduler.throttle(APPLY_MS, self._crop)
             )
         self._workspace.switched.connect(self._follow)
         self._workspace.changed.connect(self._refresh)

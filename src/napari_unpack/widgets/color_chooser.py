@@ -62,7 +62,7 @@ class ColorChooser(QObject):
         dialog.show()
 
     def _apply_soon(self) -> None:
-        self._workspace.scheduler.throttle(self._apply, APPLY_MS, self._apply)
+        self._workspace.scheduler.throttle(APPLY_MS, self._apply)
 
     def _apply(self) -> None:
         session = self._workspace.session

@@ -258,7 +258,7 @@ class ColorSection(Section):
     def _apply_soon(self) -> None:
         # The curve is no longer that of the preset.
         self.preset.setCurrentText(CUSTOM)
-        self._workspace.scheduler.throttle(self._apply_curve, APPLY_MS, self._apply_curve)
+        self._workspace.scheduler.throttle(APPLY_MS, self._apply_curve)
 
     def _apply_curve(self) -> None:
         from napari_unpack.appearance import TransferFunction

@@ -39,8 +39,6 @@ class ConfidenceBox(Collapsible):
     commands : Commands
     chosen : callable
         Returns the IDs selected in the table.
-    rescored : callable
-        Called after the confidence of the objects has changed.
 
     Signals
     -------
@@ -50,18 +48,13 @@ class ConfidenceBox(Collapsible):
     scored = Signal()
 
     def __init__(
-        self,
-        workspace: Workspace,
-        commands: Commands,
-        chosen: Callable[[], list[int]],
-        rescored: Callable[[], None],
+        self, workspace: Workspace, commands: Commands, chosen: Callable[[], list[int]]
     ) -> None:
         super().__init__(
             "Confidence", "Train what a whole object looks like, on examples that you mark."
         )
         self._workspace, self._commands = workspace, commands
         self._chosen = chosen
-        self._rescored = rescored
         # What was chosen here, for the sessions that are opened after; each keeps its own.
         self._oracle: Callable[[Any], float] | None = None
         self.sentence = label("", "hint", wrap=True)
@@ -241,7 +234,6 @@ class ConfidenceBox(Collapsible):
 
     def _take(self, session: Session, scores: Scores) -> None:
         session.label_editor.take_scores(scores)
-        self._rescored()
         self.scored.emit()
 
 

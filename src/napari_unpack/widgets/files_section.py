@@ -105,25 +105,27 @@ def _picture(session: Session, path: Path, options: ExportOptions, progress: Pro
 
 
 def _movie(
-    kind: str, done: bool = False
-) -> Callable[[Session, Path, ExportOptions, Progress], Path]:
-    def write(session: Session, path: Path, options: ExportOptions, progress: Progress) -> Path:
-        from napari_unpack.io import movie
+    session: Session,
+    path: Path,
+    options: ExportOptions,
+    progress: Progress,
+    kind: str = "unpacking",
+    done: bool = False,
+) -> Path:
+    from napari_unpack.io import movie
 
-        return movie(
-            session,
-            path,
-            count=sum(map(len, session.steps)) if done else None,
-            size=options.size,
-            fps=options.fps,
-            seconds=options.seconds,
-            backend="cpu",
-            progress=progress,
-            kind=kind,
-            window=session.canvas_size,
-        )
-
-    return write
+    return movie(
+        session,
+        path,
+        count=sum(map(len, session.steps)) if done else None,
+        size=options.size,
+        fps=options.fps,
+        seconds=options.seconds,
+        backend="cpu",
+        progress=progress,
+        kind=kind,
+        window=session.canvas_size,
+    )
 
 
 def _report(session: Session, path: Path, options: ExportOptions, progress: Progress) -> Path:
@@ -152,33 +154,28 @@ def _measurements(session: Session, path: Path, options: ExportOptions, progress
     return save_measurements_csv(session, path)
 
 
-def _surfaces(session: Session, path: Path, options: ExportOptions, progress: Progress) -> Path:
-    from napari_unpack.io.surfaces import save_surfaces
-
-    return save_surfaces(session, path, None, options.standing, progress)
-
-
-def _some_surfaces(
-    session: Session, path: Path, options: ExportOptions, progress: Progress
+def _surfaces(
+    session: Session, path: Path, options: ExportOptions, progress: Progress, some: bool = False
 ) -> Path:
     from napari_unpack.io.surfaces import save_surfaces
 
-    return save_surfaces(session, path, options.selected, options.standing, progress)
+    ids = options.selected if some else None
+    return save_surfaces(session, path, ids, options.standing, progress)
 
 
 MOVIES = (".mp4", ".gif")
 MESHES = (".stl", ".obj", ".ply", ".glb")
 EXPORTS = (
     Export("Picture", "", (".png",), _picture),
-    Export("Movie of the unpacking", "unpacking", MOVIES, _movie("unpacking")),
+    Export("Movie of the unpacking", "unpacking", MOVIES, _movie),
     Export(
         "Movie of the steps so far",
         "steps",
         MOVIES,
-        _movie("unpacking", done=True),
+        partial(_movie, done=True),
         lambda s: len(s.steps) > 0,
     ),
-    Export("Movie of the bag turning", "turning", MOVIES, _movie("turntable")),
+    Export("Movie of the bag turning", "turning", MOVIES, partial(_movie, kind="turntable")),
     Export("Web page", "objects", (".html",), _report),
     Export("Interactive page", "interactive", (".html",), _interactive),
     Export("Table", "objects", (".csv",), _table),
@@ -190,7 +187,7 @@ EXPORTS = (
         "Surfaces of the selected objects",
         "selected surfaces",
         MESHES,
-        _some_surfaces,
+        partial(_surfaces, some=True),
         lambda s: bool(s.selected),
     ),
 )
@@ -324,23 +321,19 @@ class FilesSection(Section):
             control.setToolTip(BUSY if busy else "Available after step 1." if lacking else use)
         self.lock(None)
 
-    def save_to(
-        self, path: str | Path, refer: bool = False, session: Session | None = None
-    ) -> None:
-        """Save a session in a worker.
+    def save_to(self, path: str | Path, session: Session | None = None) -> None:
+        """Save a session, with its volume, in a worker.
 
         Parameters
         ----------
         path : str or Path
-        refer : bool
-            Refer to the files of the layers instead of copying them.
         session : Session, optional
             By default the one shown.
         """
         controller = self._workspace.controller
         if controller is not None:
             session = controller.session if session is None else session
-            self._save(path, refer, controller, session)
+            self._save(path, False, controller, session)
 
     def _save(
         self,
@@ -380,7 +373,7 @@ class FilesSection(Section):
 
         self._read(file, file.name, opened)
 
-    def restore(self, leftover: Leftover, then: Callable[[], None]) -> None:
+    def restore(self, leftover: Leftover, then: Call) -> None:
         """Open an unsaved session that a process left behind, and show it in the 3D view.
 
         Parameters
@@ -411,7 +404,7 @@ class FilesSection(Section):
         # Before it is read, so that nobody waits to be asked; and after, for changes meanwhile.
         self._unsaved.ask(f"Opening {name} ends it.", partial(begin, False))
 
-    def _replace(self, found: _Opened, name: str, then: Callable[[], None] | None = None) -> None:
+    def _replace(self, found: _Opened, name: str, then: Call = lambda: None) -> None:
         self._unsaved.ask(f"Opening {name} ends it.", lambda: self._show(found, name, then))
 
     def name_from(self, path: str | Path) -> None:
@@ -500,7 +493,7 @@ class FilesSection(Section):
     def _say_written(self, path: Path | str) -> None:
         self.set_status(f"{Path(path).name} written")
 
-    def _show(self, found: _Opened, name: str, then: Callable[[], None] | None = None) -> None:
+    def _show(self, found: _Opened, name: str, then: Call) -> None:
         session = found.session
         preferred = preferences()
         session.backend = preferred.backend
@@ -521,8 +514,7 @@ class FilesSection(Section):
             recolor_at_rest=preferred.recolor_at_rest,
         )
         self.set_status(f"{name} opened")
-        if then is not None:
-            then()
+        then()
 
     def _ask_open(self) -> None:
         kinds = "Sessions (*.unpack *.zip session.json)"

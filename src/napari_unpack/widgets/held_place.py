@@ -59,7 +59,7 @@ class HeldPlace(QObject):
     def let_go(self) -> None:
         """Let all of the panel be laid out anew: another session is shown."""
         self._waits = True
-        self._scheduler.debounce(self._hold, OPENED_MS, self._hold)
+        self._scheduler.debounce(OPENED_MS, self._hold)
 
     def _hold(self) -> None:
         self._waits = False
@@ -84,7 +84,7 @@ class HeldPlace(QObject):
         # What is beyond the end may be within reach when the bar's range follows.
         self._moved = max(0, wanted - bar.value())
         if self._moved:
-            self._scheduler.debounce(self._forget, LAID_OUT_MS, self._forget)
+            self._scheduler.debounce(LAID_OUT_MS, self._forget)
 
     def _forget(self) -> None:
         self._moved = 0

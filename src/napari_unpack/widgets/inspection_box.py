@@ -128,7 +128,7 @@ class InspectionBox(KeepsKeyboard, QWidget):
         self._apply_soon()
 
     def _apply_soon(self) -> None:
-        self._workspace.scheduler.throttle(self._apply, APPLY_MS, self._apply)
+        self._workspace.scheduler.throttle(APPLY_MS, self._apply)
 
     def _apply(self) -> None:
         from napari_unpack.appearance import TransferFunction

@@ -204,7 +204,7 @@ class Volume:
 
 def shape_of(layer: Layer) -> tuple[int, ...]:
     """Return the shape of a layer's data at its finest, without colours; reads no voxels."""
-    shape = np.shape(_finest(layer))
+    shape = np.shape(_level(layer))
     return shape[:-1] if getattr(layer, "rgb", False) else shape
 
 
@@ -216,7 +216,7 @@ def refusal_of(layer: Layer) -> str:
     return "no voxels" if 0 in shape else ""
 
 
-def volume_of(layer: Layer, index: Sequence[int] = (), memory: float | None = None) -> Volume:
+def volume_of(layer: Layer, index: Sequence[int] = ()) -> Volume:
     """Take the density volume out of an Image layer.
 
     Parameters
@@ -225,8 +225,6 @@ def volume_of(layer: Layer, index: Sequence[int] = (), memory: float | None = No
         Of a multiscale layer the finest level is taken that fits the memory.
     index : sequence of int, optional
         One for each of `extra_axes(layer)`; by default the first of all.
-    memory : float, optional
-        Bytes; by default this computer's.
 
     Raises
     ------
@@ -241,7 +239,7 @@ def volume_of(layer: Layer, index: Sequence[int] = (), memory: float | None = No
         raise ValueError(f"'{layer.name}' has no voxels ({extent}): choose another volume")
     levels = [_at(layer, index, level) for level in range(_level_count(layer))]
     words = [axis.words(i) for axis, i in zip(extra_axes(layer), index, strict=False)]
-    level = _fitting(levels, memory)
+    level = _fitting(levels)
     words += [f"level {level}"] if level else []
     name = f"{layer.name} ({', '.join(words)})" if words else str(layer.name)
     spacing, labelled = spacing_of(layer), isinstance(layer, Labels)
@@ -252,13 +250,12 @@ def volume_of(layer: Layer, index: Sequence[int] = (), memory: float | None = No
     return Volume(levels[level], (z, y, x), name, labelled, levels[0], factors)
 
 
-def _fitting(levels: Sequence[LazyArray], memory: float | None) -> int:
+def _fitting(levels: Sequence[LazyArray]) -> int:
     """Return which level is unpacked: the finest that fits, the coarsest where none does."""
     if isinstance(levels[0], np.ndarray):
         return 0
-    room = total_memory() if memory is None else memory
     voxel = np.dtype(levels[0].dtype).itemsize + LABEL_BYTES
-    return finest_fitting([level.shape for level in levels], voxel, USABLE_MEMORY * room)
+    return finest_fitting([level.shape for level in levels], voxel, USABLE_MEMORY * total_memory())
 
 
 def _level_count(layer: Layer) -> int:
@@ -307,13 +304,13 @@ def extra_axes(layer: Layer) -> tuple[ExtraAxis, ...]:
         for k, (name, size) in enumerate(zip(names[:-3], shape[:-3], strict=True))
     ]
     if getattr(layer, "rgb", False):
-        count = int(_finest(layer).shape[-1])
+        count = int(_level(layer).shape[-1])
         axes.append(ExtraAxis("Colour", count, None, COLORS[:count]))
     return tuple(axes)
 
 
-def _finest(layer: Layer) -> LazyArray:
-    return layer.data[0] if layer.multiscale else layer.data
+def _level(layer: Layer, level: int = 0) -> LazyArray:
+    return layer.data[level] if layer.multiscale else layer.data
 
 
 def _at(layer: Layer, index: Sequence[int], level: int = 0) -> LazyArray:
@@ -321,37 +318,30 @@ def _at(layer: Layer, index: Sequence[int], level: int = 0) -> LazyArray:
     axes = extra_axes(layer)
     where = [*index, *[0] * (len(axes) - len(index))]
     steps = [i for axis, i in zip(axes, where, strict=True) if axis.step is not None]
-    data = layer.data[level] if layer.multiscale else layer.data
+    data = _level(layer, level)
     data = data[tuple(steps)] if steps else data
     return data[..., where[-1]] if axes and axes[-1].step is None else data
 
 
-def in_memory(volume: Volume, memory: float | None = None) -> NDArray[Any]:
+def in_memory(volume: Volume) -> NDArray[Any]:
     """Read a volume that may still be on disk; labelled voxels count as water.
-
-    Parameters
-    ----------
-    volume : Volume
-        Its data may be a zarr or dask array.
-    memory : float, optional
-        Bytes; by default this computer's.
 
     Raises
     ------
     ValueError
         If volume and labels would fill most of the memory: both are shown whole.
     """
-    data = _read(volume, memory)
+    data = _read(volume)
     return _as_water(data) if volume.labelled else data
 
 
-def _read(volume: Volume, memory: float | None) -> NDArray[Any]:
+def _read(volume: Volume) -> NDArray[Any]:
     data = volume.data
     # In memory already: nothing can be refused any more.
     if isinstance(data, np.ndarray):
         return data
     voxels = float(np.prod([float(n) for n in data.shape]))
-    room = total_memory() if memory is None else memory
+    room = total_memory()
     needed = voxels * (np.dtype(data.dtype).itemsize + LABEL_BYTES)
     if needed > USABLE_MEMORY * room:
         extent = " x ".join(map(str, data.shape))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from qtpy.QtWidgets import QMenu
-
 from napari_unpack.session.object_state import ObjectState
 from napari_unpack.widgets.color_chooser import ColorChooser
 from napari_unpack.widgets.commands import Commands, objects_in
@@ -42,7 +40,7 @@ class ObjectsSection(Section):
         self.model = ObjectModel(commands.rename, self, commands.annotate.note, self._sizes, why)
         self._actions = ObjectMenu(workspace, commands, planner, self.repair, self.chooser)
         self.pane = self.new_pane("panel")
-        self.table, self.search, self.filter = self.pane.table, self.pane.search, self.pane.filter
+        self.table = self.pane.table
         self.isolate = button("Isolate", "Hide all objects but the selected ones.")
         self.hide_chosen = button("Hide", "Hide the selected objects in the 3D view (H).")
         self.show_all = button("Show all", "Show every hidden object again.")
@@ -70,7 +68,7 @@ class ObjectsSection(Section):
         self.contents.addWidget(self.table_button.button)
         self.review = ReviewBox(workspace, self.repair)
         self.contents.addWidget(self.review)
-        self.confidence = ConfidenceBox(workspace, commands, self.chosen, self._reload)
+        self.confidence = ConfidenceBox(workspace, commands, self.chosen)
         self.contents.addWidget(self.confidence)
         self._connect()
         self._reload()
@@ -85,6 +83,7 @@ class ObjectsSection(Section):
         self.delete.clicked.connect(lambda: self.repair.delete(chosen()))
         self.repair.splitting.connect(self._show_next_click)
         self.repair.busy.connect(lambda _: self._enable())
+        self.confidence.scored.connect(self._reload)
         self._sizes.measured.connect(self.model.show_sizes)
         self._planner.found.connect(
             lambda plan: self.model.refresh(first=() if plan is None else plan.first)
@@ -158,7 +157,3 @@ class ObjectsSection(Section):
         return ObjectsPane(
             self._workspace, self._commands, self.model, self._actions, self.chooser, key
         )
-
-    def menu(self) -> QMenu | None:
-        """Make the context menu of the selected rows; None where none is selected."""
-        return self.pane.menu()

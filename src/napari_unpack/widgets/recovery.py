@@ -64,7 +64,7 @@ class RecoveryKeeper(QObject):
 
     def follow(self) -> None:
         """Keep what has changed, soon; and nothing where nothing is unsaved any more."""
-        self._workspace.scheduler.throttle(self._keep, KEEP_MS, self._keep)
+        self._workspace.scheduler.throttle(KEEP_MS, self._keep)
 
     def once_kept(self, then: Callable[[], None]) -> None:
         """Call once the session shown is on disk, or need not be."""
@@ -89,10 +89,9 @@ class RecoveryKeeper(QObject):
         session, controller = self._workspace.document, self._workspace.controller
         if session is None or controller is None:
             return
-        scheduler = self._workspace.scheduler
         if session is not self._session():
             # Of the session before, only what nobody was asked about is left on the disk.
-            scheduler.submit(_task(self._copy.close), Worker.LONG, _nothing, slot=self._copy)
+            self._do(self._copy.close)
             self._copy, self._kept = UnsavedCopy(recovery_folder()), False
             self._session = ref(session)
         if not self._unsaved.worth_keeping:
@@ -101,12 +100,12 @@ class RecoveryKeeper(QObject):
         if not preferences().keep_unsaved:
             # Nothing of the scan is to stay on the disk either.
             self._kept = False
-            scheduler.submit(_task(self._copy.discard), Worker.LONG, _nothing, slot=self._copy)
+            self._do(self._copy.discard)
             return
         if not self._unsaved.worth_keeping:
             if self._kept:
                 self._kept = False
-                scheduler.submit(_task(self._copy.forget), Worker.LONG, _nothing, slot=self._copy)
+                self._do(self._copy.forget)
             return
         self._kept = True
         # Of this moment, though written later.
@@ -119,9 +118,13 @@ class RecoveryKeeper(QObject):
         def keep(progress: Progress) -> None:
             copy.keep(frozen, name, where, lambda fraction: progress(fraction, ""), opened)
 
-        scheduler.submit(
-            Task(object(), keep), Worker.LONG, self._on_kept, failed=self._tell, slot=copy
-        )
+        task, scheduler = Task(object(), keep), self._workspace.scheduler
+        scheduler.submit(task, Worker.LONG, self._on_kept, failed=self._tell, slot=copy)
+
+    def _do(self, work: Callable[[], object]) -> None:
+        """Have a worker do something with the copy on the disk, after what it does there now."""
+        task = Task(object(), lambda _: work())
+        self._workspace.scheduler.submit(task, Worker.LONG, lambda _: None, slot=self._copy)
 
     def _on_kept(self, _: None) -> None:
         waiting, self._then = self._then, []
@@ -132,7 +135,7 @@ class RecoveryKeeper(QObject):
         if isinstance(error, Cancelled):
             return
         scheduler = self._workspace.scheduler
-        scheduler.debounce(self._keep, RETRY_MS, self._keep)
+        scheduler.debounce(RETRY_MS, self._keep)
         # Once: whoever cannot mend it must not be disturbed by it.
         if not self._told:
             self._told = True
@@ -215,11 +218,3 @@ def said(when: datetime) -> str:
     """Return a time as people say it: the hour, and the day where it is another."""
     hour = f"{when:%H:%M}"
     return hour if when.date() == date.today() else f"{when.day} {when:%B}, {hour}"
-
-
-def _task(work: Callable[[], object]) -> Task[object]:
-    return Task(object(), lambda _: work())
-
-
-def _nothing(_: object) -> None:
-    return None

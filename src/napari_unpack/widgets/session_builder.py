@@ -82,70 +82,59 @@ def build(
     ValueError
         If the volume or the labels cannot be used, or nothing was found.
     """
+    from napari_unpack.io.headless import named_objects
+
     # Here, in the worker: it loads numba.
     from napari_unpack.viewer.compiling import compiling_told
 
     with compiling_told(progress) as told:
-        return _build(volume, labels, names, settings, told, whole_labels)
+        told(0.0, "Reading the volume")
+        # The import takes seconds: here, in the worker, it does not freeze the window later.
+        importlib.import_module("napari_unpack.viewer.controller")
+        density = in_memory(volume)
+        objects = named_objects(names)
+        found: NDArray[np.int32] | None = None
+        evidence, share = None, Share(told)
+        finding = share.part(0.0, SEGMENTING_SHARE)
+        if labels is None:
+            from napari_unpack.segmentation import segment
 
+            with _advice_about_the_panel():
+                if volume.whole is None:
+                    segmentation = segment(
+                        density, spacing=volume.spacing, progress=finding, **settings
+                    )
+                    found = segmentation.labels
+                else:
+                    found, segmentation = _segmented_whole(volume, settings, finding)
+            labels, objects, evidence = found, segmentation.objects, segmentation.evidence
+        measuring = share.part(SEGMENTING_SHARE, 1.0, "Measuring the objects")
+        given = np.asarray(labels)
+        # A brush may write into a layer's own array while its objects are measured.
+        ids = given.copy() if found is None and isinstance(labels, np.ndarray) else given
+        if not ids.any():
+            raise ValueError(
+                f"no objects were found in '{volume.name}': it may hold nothing denser than its "
+                "surroundings, or the labels are empty"
+            )
+        if whole_labels is not None and volume.whole is not None:
+            objects = _measured_whole(volume, whole_labels, ids, objects, measuring.part(0.0, 0.9))
+            measuring = measuring.part(0.9, 1.0)
+        from napari_unpack.geometry.view import FROM_ABOVE, View
+        from napari_unpack.session import Session
+        from napari_unpack.session.framing import fitted
 
-def _build(
-    volume: Volume,
-    labels: ArrayLike | None,
-    names: Mapping[int, str],
-    settings: dict[str, Any],
-    progress: Progress,
-    whole_labels: LazyArray | None,
-) -> BuiltSession:
-    from napari_unpack.io.headless import named_objects
-
-    progress(0.0, "Reading the volume")
-    # The import takes seconds: here, in the worker, it does not freeze the window later.
-    importlib.import_module("napari_unpack.viewer.controller")
-    density = in_memory(volume)
-    objects = named_objects(names)
-    found: NDArray[np.int32] | None = None
-    evidence, share = None, Share(progress)
-    finding = share.part(0.0, SEGMENTING_SHARE)
-    if labels is None:
-        from napari_unpack.segmentation import segment
-
-        with _advice_about_the_panel():
-            if volume.whole is None:
-                segmentation = segment(
-                    density, spacing=volume.spacing, progress=finding, **settings
-                )
-                found = segmentation.labels
-            else:
-                found, segmentation = _segmented_whole(volume, settings, finding)
-        labels, objects, evidence = found, segmentation.objects, segmentation.evidence
-    measuring = share.part(SEGMENTING_SHARE, 1.0, "Measuring the objects")
-    given = np.asarray(labels)
-    # A brush may write into a layer's own array while its objects are measured.
-    ids = given.copy() if found is None and isinstance(labels, np.ndarray) else given
-    if not ids.any():
-        raise ValueError(
-            f"no objects were found in '{volume.name}': it may hold nothing denser than its "
-            "surroundings, or the labels are empty"
-        )
-    if whole_labels is not None and volume.whole is not None:
-        objects = _measured_whole(volume, whole_labels, ids, objects, measuring.part(0.0, 0.9))
-        measuring = measuring.part(0.9, 1.0)
-    from napari_unpack.geometry.view import FROM_ABOVE, View
-    from napari_unpack.session import Session
-    from napari_unpack.session.framing import fitted
-
-    made = partial(Session, density, ids, spacing=volume.spacing, objects=objects)
-    session = attended(made, measuring)
-    session.review.evidence = evidence
-    session.view = View(direction=FROM_ABOVE, fov=GENTLE_FOV)
-    session.tolerance = TOLERANCE
-    color_labels(ids.dtype)
-    # Here, in the worker: the layer's labels are not to be ours, and the bag's hull is found.
-    session.own_labels([given])
-    fitted(session)
-    progress(1.0, "Opening the 3D view")
-    return BuiltSession(session, given, found is not None)
+        made = partial(Session, density, ids, spacing=volume.spacing, objects=objects)
+        session = attended(made, measuring)
+        session.review.evidence = evidence
+        session.view = View(direction=FROM_ABOVE, fov=GENTLE_FOV)
+        session.tolerance = TOLERANCE
+        color_labels(ids.dtype)
+        # Here, in the worker: the layer's labels are not to be ours, and the bag's hull is found.
+        session.own_labels([given])
+        fitted(session)
+        told(1.0, "Opening the 3D view")
+        return BuiltSession(session, given, found is not None)
 
 
 def _segmented_whole(

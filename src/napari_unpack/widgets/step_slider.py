@@ -163,7 +163,7 @@ class StepSlider(QWidget):
         """Let the next object fly once the last has landed, and come back soon."""
         # Waiting for the next object handles events, in which playing may end.
         if self._fly_next() and self.play.isChecked():
-            self._workspace.scheduler.debounce(self._play_on, PLAY_MS, self._play_on)
+            self._workspace.scheduler.debounce(PLAY_MS, self._play_on)
         else:
             self.play.setChecked(False)
 

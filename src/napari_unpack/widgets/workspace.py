@@ -313,7 +313,7 @@ class Workspace(QObject):
 
     def _gather(self, change: Change) -> None:
         self._changes |= change
-        self.scheduler.throttle(self._publish, GATHER_MS, self._publish)
+        self.scheduler.throttle(GATHER_MS, self._publish)
 
     def _publish(self) -> None:
         changes, self._changes = self._changes, Change(0)
