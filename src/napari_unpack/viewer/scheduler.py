@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from functools import partial
 from time import monotonic, perf_counter
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from qtpy.QtCore import QCoreApplication, QEventLoop, QObject, Qt, QTimer, Signal
 from qtpy.QtGui import QGuiApplication
@@ -63,6 +63,22 @@ class IdlePhase(Enum):
     QUERIES = 250
 
 
+class _Timer(Protocol):
+    @property
+    def active(self) -> bool: ...
+
+    def start(self, milliseconds: int) -> None: ...
+
+    def stop(self) -> None: ...
+
+
+class _Timers(Protocol):
+    # Tests have one whose time is moved by hand.
+    def make(self, call: Call, repeating: bool = False) -> _Timer: ...
+
+    def now(self) -> float: ...
+
+
 class _QtTimer:
     def __init__(self, call: Call, repeating: bool) -> None:
         self._timer = QTimer()
@@ -91,8 +107,7 @@ class _QtTimer:
 
 
 class _QtTimers:
-    # Tests have one whose time is moved by hand.
-    def make(self, call: Call, repeating: bool = False) -> _QtTimer:
+    def make(self, call: Call, repeating: bool = False) -> _Timer:
         return _QtTimer(call, repeating)
 
     def now(self) -> float:
@@ -144,6 +159,21 @@ class Job:
             return TaskResult(error=error)
 
 
+class _Workers(Protocol):
+    # Tests have one that begins and finishes jobs when told.
+    def add(self, job: Job) -> None: ...
+
+    def jobs(self, owner: Scheduler) -> list[Job]: ...
+
+    def drop(self, job: Job) -> bool: ...
+
+    def wait_while(self, waits: Callable[[], bool]) -> None: ...
+
+    def post(self, call: Call) -> None: ...
+
+    def close(self) -> None: ...
+
+
 @dataclass(eq=False)
 class _Pool:
     threads: int
@@ -165,8 +195,7 @@ class ThreadWorkers:
 
     Notes
     -----
-    A worker goes on while the main thread draws; results come in the order of finishing. Tests have
-    one that begins and finishes jobs when told.
+    A worker goes on while the main thread draws; results come in the order of finishing.
     """
 
     def __init__(self) -> None:
@@ -312,7 +341,7 @@ class Animation:
 
 @dataclass(eq=False)
 class _Idle:
-    timer: _QtTimer
+    timer: _Timer
     milliseconds: int
     calls: list[Call] = field(default_factory=list)
     holds: dict[str, Callable[[], bool]] = field(default_factory=dict)
@@ -344,15 +373,15 @@ class Scheduler:
     def __init__(
         self,
         failed: Callable[[str], None] | None = None,
-        workers: ThreadWorkers | None = None,
-        timers: _QtTimers | None = None,
+        workers: _Workers | None = None,
+        timers: _Timers | None = None,
     ) -> None:
         self.closed = False
         self._failed = failed
         self._owns_workers = workers is None
-        self._workers = ThreadWorkers() if workers is None else workers
-        self._timers = _QtTimers() if timers is None else timers
-        self._debounced: dict[Call, _QtTimer] = {}
+        self._workers: _Workers = ThreadWorkers() if workers is None else workers
+        self._timers: _Timers = _QtTimers() if timers is None else timers
+        self._debounced: dict[Call, _Timer] = {}
         self._animations: list[Animation] = []
         self._frames = self._timers.make(self._on_frame, repeating=True)
         self._idle = {
