@@ -22,7 +22,7 @@ def region_of(mask):
 
 
 def node(confidence, voxels, parts=(), compactness=0.5):
-    return Node(region_of(np.ones((1, 1, voxels), bool)), confidence, parts, compactness, "test")
+    return Node(region_of(np.ones((1, 1, voxels), bool)), confidence, parts, compactness)
 
 
 def chain():

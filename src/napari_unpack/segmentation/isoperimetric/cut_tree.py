@@ -71,15 +71,12 @@ class Node:
         Empty where it stays whole.
     compactness : float
         Of the cut, see `CutRule`.
-    source : str
-        Which source proposed the cut; empty where there is none.
     """
 
     region: Region
     confidence: float
     parts: tuple[Node, ...] = ()
     compactness: float = 0.0
-    source: str = ""
 
 
 def split_recursively(
@@ -143,7 +140,7 @@ def grow_cut_tree(
     if sure >= SURE_OF_ONE_OBJECT or depth >= DEEPEST_CUT:
         return Node(region, sure)
     text = f"Splitting: {region.voxels} voxels"
-    best: tuple[float, list[Region], list[float], float, str] | None = None
+    best: tuple[float, list[Region], list[float], float] | None = None
     candidates = candidate_cuts(
         region,
         max(smallest, MIN_OBJECT_VOXELS * region.voxel_volume / 2),
@@ -156,7 +153,7 @@ def grow_cut_tree(
         value = float(np.average(scores, weights=volumes))
         if best is None or value > best[0]:
             small = sum(volumes) - max(volumes)
-            best = (value, parts, scores, candidate.ratio * small ** (1 / 3), candidate.source)
+            best = (value, parts, scores, candidate.ratio * small ** (1 / 3))
     if best is None or best[0] < max(
         sure - MOST_CONFIDENCE_LOST, LEAST_CONFIDENCE_BELOW_FIRST_CUT if depth else 0.0
     ):
@@ -167,7 +164,7 @@ def grow_cut_tree(
         below = share.part(seen, min(ended, 1.0), text)
         nodes.append(grow_cut_tree(part, oracle, smallest, below, depth + 1, score))
         seen = ended
-    return Node(region, sure, tuple(nodes), best[3], best[4])
+    return Node(region, sure, tuple(nodes), best[3])
 
 
 def selected(node: Node, rule: CutRule) -> list[Node]:
