@@ -444,6 +444,6 @@ def _cut_objects(
     light = scale.air + FOLD_DENSITY * 4 * scale.knee
     parts = absorb_fringes(bundle_folds(parts, density, spacing, light), density, spacing)
     joining = share.part(0.92, 1.0, "Merging parts")
-    parts = join_touching(parts, density, spacing, oracle, progress=joining)
+    parts = join_touching(parts, density, spacing, oracle, share=joining)
     voxel = float(np.prod(spacing))
     return absorb_small(parts, spacing, max(options.smallest, MIN_OBJECT_VOXELS * voxel))

@@ -15,7 +15,7 @@ import numpy as np
 
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS, Oracle, Region
 from napari_unpack.segmentation.isoperimetric.candidates import candidate_cuts
-from napari_unpack.tasks import SILENT, Progress, Share, no_progress
+from napari_unpack.tasks import SILENT, Share
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Node:
 
 
 def split_recursively(
-    regions: list[Region], oracle: Oracle, smallest: float, progress: Progress | None = None
+    regions: list[Region], oracle: Oracle, smallest: float, share: Share = SILENT
 ) -> list[Region]:
     """Split regions into what the oracle takes for single objects, in a fixed order.
 
@@ -92,13 +92,11 @@ def split_recursively(
         Confidence in [0, 1] that a region is exactly one object.
     smallest : float
         No part is smaller, mm^3.
-    progress : callable, optional
-        Called before every proposal with the fraction of voxels seen; raising in it cancels.
+    share : Share
     """
     # The share of voxels seen is the progress; trees differ too much for more.
     total = max(sum(region.voxels for region in regions), 1)
-    seen, share = 0, Share(progress or no_progress)
-    trees = []
+    seen, trees = 0, []
     for region in regions:
         part = share.part(seen / total, (seen + region.voxels) / total, "Splitting")
         trees.append(grow_cut_tree(region, oracle, smallest, part))

@@ -19,7 +19,7 @@ from napari_unpack.segmentation.foreground.methods import (
 )
 from napari_unpack.segmentation.foreground.scanner_table import find_supports, measured_section
 from napari_unpack.segmentation.isoperimetric.cut_tree import split_recursively
-from napari_unpack.tasks import Progress, Share
+from napari_unpack.tasks import Share
 
 
 @dataclass(frozen=True)
@@ -38,12 +38,12 @@ class SplitRule:
 def split_parts(
     density: NDArray[np.generic],
     spacing: Spacing,
-    progress: Progress,
+    share: Share,
     oracle: Oracle,
     foreground: ForegroundOptions,
     smallest: float,
-    step: float = 0.11,
-    rule: SplitRule | None = None,
+    step: float,
+    rule: SplitRule,
 ) -> tuple[NDArray[np.int32], DensityScale]:
     """Split a volume: foreground, density regions, recursive cuts.
 
@@ -51,7 +51,7 @@ def split_parts(
     ----------
     density : (Z, Y, X) ndarray
     spacing : (float, float, float) of mm, z y x
-    progress : callable
+    share : Share
     oracle : callable
         Confidence in [0, 1] that a region is exactly one object.
     foreground : ForegroundOptions
@@ -59,7 +59,7 @@ def split_parts(
         Of an object, mm^3: a component below it is left out.
     step : float
         Log density step between two density regions.
-    rule : SplitRule, optional
+    rule : SplitRule
 
     Returns
     -------
@@ -68,8 +68,6 @@ def split_parts(
     scale : DensityScale
         How densities were compared.
     """
-    limits = rule or SplitRule()
-    share = Share(progress)
     known = foreground.known
     if foreground.found is None:
         begun = share.part(0.0, 0.1, "Finding the foreground")
@@ -83,13 +81,13 @@ def split_parts(
     if foreground.supports:
         mask = mask & ~find_supports(mask, spacing)
     dividing = share.part(0.1, 0.25, "Finding density regions")
-    fewest = max(int(limits.smallest / float(np.prod(spacing))), 1)
+    fewest = max(int(rule.smallest / float(np.prod(spacing))), 1)
     knee = typical_knee(density, mask, levels.air) if known is None else known.knee
     scale = DensityScale(levels.air, knee, step)
     regions = density_regions(density, mask, scale, fewest, share=dividing)
     share(0.25, "Finding components")
     components = _components(regions, density, spacing, smallest)
-    found = split_recursively(components, oracle, limits.smallest, share.part(0.3, 0.9))
+    found = split_recursively(components, oracle, rule.smallest, share.part(0.3, 0.9))
     parts = _label(found, density.shape)
     if foreground.shell:
         # After the cuts: the shell touches most objects, and before them it is one with these.

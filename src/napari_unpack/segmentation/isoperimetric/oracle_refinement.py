@@ -16,7 +16,7 @@ from napari_unpack.segmentation.isoperimetric.cut_tree import (
     mean_confidence,
     selected,
 )
-from napari_unpack.tasks import Progress, Share, no_progress
+from napari_unpack.tasks import SILENT, Share
 
 # Parts that touch over a smaller share of the lesser surface are not merged.
 TOUCHING = 0.05
@@ -28,7 +28,7 @@ def join_touching(
     spacing: Spacing,
     oracle: Oracle,
     margin: float = 0.0,
-    progress: Progress | None = None,
+    share: Share = SILENT,
 ) -> NDArray[np.int32]:
     """Merge touching parts whose union the oracle prefers; return labels in any order.
 
@@ -42,8 +42,7 @@ def join_touching(
         Confidence of a region.
     margin : float
         A union's confidence exceeds the mean of its parts', by volume, by this.
-    progress : callable, optional
-        Called with (fraction, text) before every rating and merge; raising in it cancels.
+    share : Share
     """
     # `grow_cut_tree` turned round: two of the five pieces of a suitcase are no better an object
     # than one, so that a rule which asks a gain of every merge would leave all five apart. The
@@ -51,7 +50,6 @@ def join_touching(
     # are rated anew, and from the tree of merges `selected` then takes those unions of higher
     # confidence than the best of what they are made of. This undoes premature cuts, and merges
     # shell and content of a container where the oracle prefers it.
-    share = Share(progress or no_progress)
     boxes = label_boxes(labels)
     inner = touching_area_matrix(labels, spacing)
     surface = inner.sum(axis=1)
