@@ -73,11 +73,10 @@ def merged_pairs(
     air = air_offset(density, labels)
     for pair in share.over(np.argwhere(np.triu(touching[1:, 1:], 1)).tolist()):
         # Of the volume, all but the box around both would be looked through in vain.
-        low, high = boxes.lower[pair].min(axis=0), boxes.upper[pair].max(axis=0)
-        z, y, x = (slice(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True))
-        part = compact[z, y, x]
+        box = boxes.around(names[pair].tolist())
+        part = compact[box]
         both = (part == pair[0] + 1) | (part == pair[1] + 1)
-        yield Region.of(both, density, (z, y, x), spacing, air)
+        yield Region.of(both, density, box, spacing, air)
 
 
 class Labelled(Protocol):
