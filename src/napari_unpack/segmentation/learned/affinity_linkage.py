@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.segmentation.common.joins import JoinLog
 from napari_unpack.segmentation.common.merging import roots
-from napari_unpack.segmentation.learned.fragments import FragmentAffinities
+from napari_unpack.segmentation.learned.fragments import REACH_WEIGHTS, FragmentAffinities
 
 # How the excess of a mean affinity over its threshold becomes a probability; see `chance_of`.
 CHANCE = (12.0, 1.0)
@@ -46,7 +46,6 @@ def mean_affinity_linkage(
     affinities: FragmentAffinities,
     sizes: NDArray[np.integer],
     threshold: LinkageThreshold,
-    weights: NDArray[np.float64],
     log: JoinLog | None = None,
 ) -> NDArray[np.int64]:
     """Merge the pair that exceeds the threshold by most, again and again; return (count,) owners.
@@ -57,8 +56,6 @@ def mean_affinity_linkage(
     sizes : (count,) ndarray of int
         Cells of every fragment.
     threshold : LinkageThreshold
-    weights : (K,) ndarray of float64
-        Of the reaches in the mean.
     log : JoinLog, optional
         Where merges are noted.
 
@@ -87,8 +84,8 @@ def mean_affinity_linkage(
 
     rows = zip(
         affinities.pairs.tolist(),
-        (affinities.sums @ weights).tolist(),
-        (affinities.counts @ weights).tolist(),
+        (affinities.sums @ REACH_WEIGHTS).tolist(),
+        (affinities.counts @ REACH_WEIGHTS).tolist(),
         affinities.touching.tolist(),
         strict=True,
     )

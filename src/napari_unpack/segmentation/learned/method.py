@@ -7,7 +7,7 @@ borders are drawn, each decided by a trained classifier.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import cc3d
 import numpy as np
@@ -74,35 +74,15 @@ LEAST_DEPTH_OF_MISSED = 4.0
 # An object rises from air by so many deviations of the noise in this share of its voxels at
 # least; a cloud of specks, or noise itself, does not.
 NOISE_DEVIATIONS, PLAIN_SHARE = 2.0, 0.15
-
-
-@dataclass(frozen=True)
-class PredictionThresholds:
-    """Probabilities from which the network's prediction counts.
-
-    Parameters
-    ----------
-    foreground : float
-        Of a voxel to be an object's.
-    dense : float
-        The same for a voxel above the foreground level: thin walls of containers.
-    object : float
-        Mean of the voxels of an object.
-    together : LinkageThreshold
-        Mean affinity of two fragments that are linked; what it leaves apart, `merge_parts` decides.
-    weights : (4,) tuple of float
-        Of pairs of cells in that mean, by reach.
-    """
-
-    foreground: float = 0.3
-    dense: float = 0.1
-    object: float = 0.5
-    together: LinkageThreshold = field(default_factory=lambda: LinkageThreshold(0.55, 0.1))
-    weights: tuple[float, ...] = (1.0, 2.0, 2.0, 2.0)
-
-
-LINKAGE_ALONE = PredictionThresholds(together=LinkageThreshold(0.45, 0.1))
-"""Where no classifier merges after it, linkage goes on further."""
+# Probability from which a voxel is an object's: usually, and above the foreground's level, where
+# thin walls of containers are.
+FOREGROUND, DENSE = 0.3, 0.1
+# Mean probability of the voxels of an object.
+OBJECT = 0.5
+# Mean affinity of two fragments that are linked; what it leaves apart, `merge_parts` decides.
+LINKAGE = LinkageThreshold(0.55, 0.1)
+# Where no classifier merges after it, linkage goes on further.
+LINKAGE_ALONE = LinkageThreshold(0.45, 0.1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,8 +101,6 @@ class Oversegmentation:
         How densities are compared.
     levels : Levels
         Of air and foreground.
-    weights : (K,) ndarray of float64
-        Of pairs of cells in a mean, by reach.
     noise : float
         Of the density from one voxel to the next, a standard deviation.
     """
@@ -132,7 +110,6 @@ class Oversegmentation:
     prediction: Prediction
     scale: DensityScale
     levels: Levels
-    weights: NDArray[np.float64]
     noise: float
 
 
@@ -142,7 +119,7 @@ def oversegment(
     progress: Progress,
     foreground: ForegroundOptions | None = None,
     network: BoundaryNetwork | None = None,
-    thresholds: PredictionThresholds | None = None,
+    linkage: LinkageThreshold = LINKAGE,
     noted: Steps | None = None,
 ) -> Oversegmentation:
     """Split a volume by the network's affinities, a little too far.
@@ -156,12 +133,12 @@ def oversegment(
         It sets the scale of density; where its method is a number, nothing below that is an object.
     network : BoundaryNetwork, optional
         By default the one that ships with the package.
-    thresholds : PredictionThresholds, optional
+    linkage : LinkageThreshold
+        Of fragments.
     noted : Steps, optional
         Where linkage is noted.
     """
-    options, limits = foreground or ForegroundOptions(), thresholds or PredictionThresholds()
-    share = Share(progress)
+    options, share = foreground or ForegroundOptions(), Share(progress)
     known = options.known
     if options.found is None:
         begun = share.part(0.0, 0.05, "Finding the foreground")
@@ -172,8 +149,8 @@ def oversegment(
     scale = DensityScale(levels.air, knee)
     prediction = (network or default_boundaries()).predict(density, scale, share.part(0.05, 0.65))
     # A voxel far from all that is dense is no object, whatever the network predicts.
-    mask = binary_dilation(dense) & (prediction.foreground >= 255 * limits.foreground)
-    mask |= dense & (prediction.foreground >= 255 * limits.dense)
+    mask = binary_dilation(dense) & (prediction.foreground >= 255 * FOREGROUND)
+    mask |= dense & (prediction.foreground >= 255 * DENSE)
     section = measured_section(density) if known is None else None
     if section is not None:
         mask &= section
@@ -189,9 +166,8 @@ def oversegment(
     linking = share.part(0.7, 0.76, "Linking fragments")
     affinities = measure_affinities(fragments, prediction.far, linking)
     linking(1.0)
-    weights, cells = np.array(limits.weights), np.bincount(fragments.reshape(-1))
     log = JoinLog()
-    owner = mean_affinity_linkage(affinities, cells, limits.together, weights, log)
+    owner = mean_affinity_linkage(affinities, np.bincount(fragments.reshape(-1)), linkage, log)
     drawing = share.part(0.78, 0.9, "Drawing borders")
     cells_owned, part = owner.astype(np.int32)[fragments], drawing.part(0.0, 0.2)
     parts = assign_labels(cells_owned, mask, prediction.next, share=part)
@@ -200,7 +176,7 @@ def oversegment(
         noted.seen = Seen(density, scale, prediction.foreground)
         names = assign_labels(linked.names, mask, prediction.next, share=drawing.part(0.2, 0.4))
         noted.levels.append(replace(linked, names=names))
-    parts = _above_mean(parts, prediction.foreground, 255 * limits.object, drawing.part(0.4, 0.5))
+    parts = _above_mean(parts, prediction.foreground, 255 * OBJECT, drawing.part(0.4, 0.5))
     noise = noise_deviation(density)
     plain = np.greater(density, levels.air + NOISE_DEVIATIONS * noise)
     parts = _above_mean(parts, plain.astype(np.uint8), PLAIN_SHARE, drawing.part(0.5, 0.6))
@@ -216,9 +192,9 @@ def oversegment(
         # In a block of a volume a large carton looks like a case.
         parts[find_case(parts)[parts]] = 0
     parts, measured = measure_predicted_parts(
-        parts, density, spacing, scale, affinities, owner, weights, missing.part(0.5, 1.0)
+        parts, density, spacing, scale, affinities, owner, missing.part(0.5, 1.0)
     )
-    return Oversegmentation(parts, measured, prediction, scale, levels, weights, noise)
+    return Oversegmentation(parts, measured, prediction, scale, levels, noise)
 
 
 def find_objects(
@@ -251,9 +227,9 @@ def find_objects(
     """
     share = Share(progress)
     # Of the time, at any size: the network half, the classifier of borders a quarter.
-    limits = PredictionThresholds() if steps else LINKAGE_ALONE
+    linkage = LINKAGE if steps else LINKAGE_ALONE
     finding = share.part(0.0, 0.6)
-    found = oversegment(density, spacing, finding, foreground, network, limits, noted)
+    found = oversegment(density, spacing, finding, foreground, network, linkage, noted)
     if not found.parts.any():
         return found.parts
     voxel = float(np.prod(spacing))
@@ -279,8 +255,7 @@ def find_objects(
     metal = _metal(labels, density, found.scale, few)
     if foreground is None or foreground.shell:
         # Parts were asked the same when they were found; what they took in since may be skin.
-        predicted = label_means(labels, found.prediction.foreground) / 255
-        doubted = predicted < limits.object
+        doubted = label_means(labels, found.prediction.foreground) / 255 < OBJECT
         labels = drop_skin(labels, doubted & ~metal, spacing)
     # What goes may be the last of the labels.
     metal = metal[: int(labels.max()) + 1]
@@ -338,7 +313,7 @@ def split_at_density_steps(
     labels = _merged_parts(found, noted, share.part(0.0, 0.1))
     labels = sharpened(labels, density, found, 0, share.part(0.1, 0.4))
     far, rest = found.prediction.far, share.part(0.4, 1.0)
-    return split_and_measure(labels, density, spacing, found.scale, far, found.weights, rest)
+    return split_and_measure(labels, density, spacing, found.scale, far, rest)
 
 
 def sharpened(
