@@ -130,6 +130,12 @@ Mask = NDArray[np.bool_]
 Field = NDArray[np.float32]
 
 
+# Over which the fields may change, in edges of the voxels of the finest grid.
+LENGTH = 6.0
+# Of a face of the finest grid between foreground and air.
+PRICE = 0.05
+
+
 @dataclass(frozen=True)
 class Weights:
     """What the energy weighs, for one grid.
@@ -146,13 +152,13 @@ class Weights:
         By axis, the area of a face: 1 where voxels are cubes.
     """
 
-    smoothness: float = 36.0
-    boundary: float = 0.05
+    smoothness: float
+    boundary: float
     squeeze: tuple[float, float, float] = (1.0, 1.0, 1.0)
     faces: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
     @classmethod
-    def of(cls, spacing: Spacing, unit: float, length: float = 6.0, price: float = 0.05) -> Weights:
+    def of(cls, spacing: Spacing, unit: float) -> Weights:
         """Return the weights of a grid.
 
         Parameters
@@ -161,15 +167,11 @@ class Weights:
             Of this grid.
         unit : float
             Edge of the voxels of the finest grid, mm.
-        length : float
-            Over which the fields may change, in `unit`.
-        price : float
-            Of a face of the finest grid.
         """
         edge = float(np.cbrt(np.prod(spacing)))
         squeeze = tuple((edge / s) ** 2 for s in spacing)
         faces = tuple(edge / s for s in spacing)
-        return cls((length * unit / edge) ** 2, price * unit / edge, squeeze, faces)  # type: ignore[arg-type]
+        return cls((LENGTH * unit / edge) ** 2, PRICE * unit / edge, squeeze, faces)  # type: ignore[arg-type]
 
 
 def mumford_shah(

@@ -15,6 +15,8 @@ from napari_unpack.segmentation.learned.fragments import REACH_WEIGHTS, Fragment
 
 # How the excess of a mean affinity over its threshold becomes a probability; see `chance_of`.
 CHANCE = (12.0, 1.0)
+# Bounds of thresholds.
+LOWEST, HIGHEST = 0.05, 0.6
 
 
 @dataclass(frozen=True)
@@ -27,19 +29,15 @@ class LinkageThreshold:
         Where the smaller has 1000 cells.
     slope : float
         More of it for every ten times as many; not negative.
-    lowest, highest : float
-        Bounds.
     """
 
     usual: float = 0.25
     slope: float = 0.15
-    lowest: float = 0.05
-    highest: float = 0.6
 
     def at(self, cells: float) -> float:
         """Return the threshold for a pair whose smaller has so many cells."""
         wanted = self.usual + self.slope * math.log10(max(cells, 1.0) / 1000)
-        return min(max(wanted, self.lowest), self.highest)
+        return min(max(wanted, LOWEST), HIGHEST)
 
 
 def mean_affinity_linkage(
