@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from napari_unpack.geometry.axes import triple
+from napari_unpack.geometry.axes import is_integer, triple
 from napari_unpack.simulation.packing import Packing, Record
 from napari_unpack.simulation.planning import plan, trifle
 from napari_unpack.simulation.projection import ProjectionScanner
@@ -157,7 +157,7 @@ def _checked(
     seed: int, shape: Sequence[int], count: int, spacing: Sequence[float]
 ) -> tuple[tuple[int, int, int], NDArray[np.float64]]:
     # True is an int to Python, but as a seed it is a slip.
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+    if not is_integer(seed) or seed < 0:
         raise ValueError(f"seed must be a whole number of 0 or more, got {seed!r}")
     size = np.asarray(shape)
     if size.shape != (3,) or size.dtype.kind not in "iu" or (size < SMALLEST_SHAPE).any():
@@ -165,7 +165,7 @@ def _checked(
             f"shape must be three whole numbers (z, y, x) of {SMALLEST_SHAPE} or more, "
             f"got {shape!r}"
         )
-    if isinstance(count, bool) or not isinstance(count, (int, np.integer)):
+    if not is_integer(count):
         raise ValueError(f"count must be a whole number, got {count!r}")
     if not 1 <= count <= MOST_OBJECTS:
         raise ValueError(f"count must be from 1 to {MOST_OBJECTS}, got {count!r}")
