@@ -148,7 +148,9 @@ def segment_large(
     names = ranks(sums.totals[:, 0])
     # Another pass over a store, which is often needless.
     if (names != np.arange(len(names))).any():
-        _rename(source, out, places, names, measuring.part(0.8, 1.0))
+        for box, _ in measuring.part(0.8, 1.0).over(places):
+            with source.lock:
+                out[box] = names[np.asarray(out[box])]
     table = sums.table(spacing, confidence)
     table.index = pd.Index(names[table.index.to_numpy()].astype(np.int64), name="id")
     return out, table.sort_index()
@@ -282,16 +284,3 @@ def _block_sums(
     start = (outer[0].start, outer[1].start, outer[2].start)
     sums.add(found, source.read(outer), spacing, start, within(box, outer), share)
     return sums
-
-
-def _rename(
-    source: Source,
-    out: Any,
-    places: list[tuple[Box, Box]],
-    names: NDArray[np.int32],
-    share: Share,
-) -> None:
-    """Rename all labels, block by block."""
-    for box, _ in share.over(places):
-        with source.lock:
-            out[box] = names[np.asarray(out[box])]

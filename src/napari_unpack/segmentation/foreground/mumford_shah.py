@@ -16,7 +16,7 @@ from scipy.ndimage import binary_dilation, uniform_filter
 
 from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.validation import Spacing
-from napari_unpack.segmentation.foreground.thresholds import Levels
+from napari_unpack.segmentation.foreground.thresholds import Levels, median_step
 from napari_unpack.tasks import SILENT, Share
 
 
@@ -239,9 +239,7 @@ def _squeezed(density: NDArray[Any], levels: Levels) -> Field:
     thin = slice(None, None, max(1, int(np.cbrt(density.size / 500_000))))
     sample = density[thin, thin].astype(np.float64)
     known = sample[np.isfinite(sample)]
-    steps = np.diff(sample, axis=2)
-    steps = np.abs(steps[np.isfinite(steps)])
-    noise = float(np.median(steps)) / 0.954 if len(steps) else 0.0
+    noise = median_step(sample) / 0.954
     air = min(levels.air, float(np.quantile(known, 0.005)))
     unit = max(levels.high - levels.air, 6 * noise)
     dense = known[known > air + unit]

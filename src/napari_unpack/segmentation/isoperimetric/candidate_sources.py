@@ -160,10 +160,22 @@ def lattice_candidates(prepared: PreparedRegion) -> Proposals:
         ground = np.array([int(np.argmax(np.square(apart).sum(axis=1)))])
         potential = lattice.potential(ground, np.zeros(1), 1.0, 1e-3, 500)
         order, cut = lattice.sweep(potential, weighted=density is not None)
-        ratio = isoperimetric_ratio(cut, lattice.voxel)
-        last = len(order) - prepared.fewest
-        for k in significant_minima(ratio, prepared.fewest, last, 1.1, LATTICE_CUTS):
-            yield source, two_sides(lattice.where[order], k, small.mask.shape)
+        for sides in _lowest_cuts(prepared, lattice.where[order], cut, LATTICE_CUTS):
+            yield source, sides
+
+
+# Factor by which the ratio rises between two minima that both count.
+SIGNIFICANT_RISE = 1.1
+
+
+def _lowest_cuts(
+    prepared: PreparedRegion, order: NDArray[np.int64], cut: NDArray[np.float64], most: int
+) -> Iterator[NDArray[np.int32]]:
+    """Yield both sides at the significant minima of the ratio of a sweep."""
+    small, last = prepared.coarse, len(order) - prepared.fewest
+    ratio = isoperimetric_ratio(cut, float(np.prod(small.spacing)))
+    for k in significant_minima(ratio, prepared.fewest, last, SIGNIFICANT_RISE, most):
+        yield two_sides(order, k, small.mask.shape)
 
 
 # Half thicknesses that count as thin, against the largest depth.
@@ -235,9 +247,6 @@ def _slab(
     return inside
 
 
-# Factor by which the ratio rises between two minima that both count.
-SIGNIFICANT_RISE = 1.1
-
 CUTS_OF_EACH_TREE = 3
 
 
@@ -252,11 +261,8 @@ def tree_candidates(prepared: PreparedRegion) -> Proposals:
     small = prepared.coarse
     for source, depth, conductance in _fields(prepared):
         sweep = tree_sweep(small.mask, depth, small.spacing, conductance)
-        last = len(sweep.order) - prepared.fewest
-        for k in significant_minima(
-            sweep.ratio, prepared.fewest, last, SIGNIFICANT_RISE, CUTS_OF_EACH_TREE
-        ):
-            yield source, two_sides(sweep.order, k, small.mask.shape)
+        for sides in _lowest_cuts(prepared, *sweep, CUTS_OF_EACH_TREE):
+            yield source, sides
 
 
 def _fields(prepared: PreparedRegion) -> Iterator[tuple[str, NDArray[np.float32], str]]:

@@ -37,7 +37,7 @@ from napari_unpack.segmentation.foreground.scanner_table import (
     measured_section,
 )
 from napari_unpack.segmentation.foreground.streaks import find_streaks
-from napari_unpack.segmentation.foreground.thresholds import Levels
+from napari_unpack.segmentation.foreground.thresholds import Levels, median_step
 from napari_unpack.segmentation.learned.affinity_linkage import (
     LinkageThreshold,
     mean_affinity_linkage,
@@ -388,13 +388,9 @@ def with_missed(
 
 def noise_deviation(density: NDArray[np.generic]) -> float:
     """Return the standard deviation of the noise from one voxel to the next; NaN is left out."""
-    # The median of the absolute differences along x over 0.954, which is what it is for white
-    # noise of deviation 1; edges are too few to count.
+    # Edges are too few to count.
     rows = density.reshape(-1, density.shape[2])
-    rows = rows[:: max(1, rows.size // 2_000_000)].astype(np.float64)
-    steps = np.abs(np.diff(rows, axis=1))
-    steps = steps[np.isfinite(steps)]
-    return float(np.median(steps)) / 0.954 if steps.size else 0.0
+    return median_step(rows[:: max(1, rows.size // 2_000_000)]) / 0.954
 
 
 def _above_mean(

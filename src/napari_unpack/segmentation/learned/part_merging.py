@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.geometry.relabeling import numbered
 from napari_unpack.segmentation.common.density_regions import DensityScale, log_density
 from napari_unpack.segmentation.common.joins import JoinLog
 from napari_unpack.segmentation.common.merging import absorb_small
@@ -144,9 +145,9 @@ def measure_predicted_parts(
     share(0.2)
     top = int(max(parts.max(initial=0) + 1, len(owner)))
     there = np.bincount(parts.reshape(-1), minlength=top) > 0
-    there[0] = True
-    number, reaches = int(there.sum()), affinities.sums.shape[1]
-    compact = np.where(there, np.cumsum(there) - 1, 0).astype(np.int32)
+    there[0] = False
+    compact = numbered(there)
+    number, reaches = int(compact.max()) + 1, affinities.sums.shape[1]
     labels = compact[parts]
     share(0.3)
     lifted = log_density(density, labels > 0, scale)
