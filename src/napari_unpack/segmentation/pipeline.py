@@ -428,8 +428,7 @@ def _cut_objects(
 ) -> NDArray[np.int32]:
     """Find objects by the paper's method: recursive cuts, then merges that the oracle prefers."""
     oracle, foreground = options.oracle or default_oracle(), options.foreground
-    air = 0.0 if foreground.found is None else air_offset(density, foreground.found[0])
-    if foreground.found is not None and air:
+    if foreground.found is not None and (air := air_offset(density, foreground.found[0])):
         mask, at = foreground.found
         at = replace(at, air=at.air - air, low=at.low - air, high=at.high - air)
         foreground = replace(foreground, found=(mask, at))

@@ -7,6 +7,7 @@ borders are drawn, each decided by a trained classifier.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import cc3d
@@ -241,11 +242,7 @@ def find_objects(
     merging = share.part(0.6, 0.8, "Merging parts")
     first = merging.part(0.0, 0.5)
     pieces, measured = split_at_density_steps(density, spacing, found, noted, first)
-    # A merge uses them up.
-    log, touching = JoinLog(), measured.contacts.pairs(AREA)
-    labels = merge_pieces(pieces, measured, log=log, share=merging.part(0.5, 0.7))
-    if noted is not None:
-        noted.levels.append(Level.of(log, pieces, *touching))
+    labels = _merged(merge_pieces, pieces, measured, noted, merging.part(0.5, 0.7))
     labels = sharpened(labels, density, found, share=merging.part(0.7, 1.0))
     drawing = share.part(0.8, 1.0, "Drawing fine borders")
     evidence = BorderEvidence.of(labels, density, found.scale, found.prediction.next, found.noise)
@@ -274,12 +271,19 @@ def _metal(
     return (counts >= least) & (label_means(labels, lifted) >= np.log1p(METAL))
 
 
-def _merged_parts(found: Oversegmentation, noted: Steps | None, share: Share) -> NDArray[np.int32]:
-    # A merge uses them up.
-    log, touching = JoinLog(), found.measured.contacts.pairs(AREA)
-    merged = merge_parts(found.parts, found.measured, log=log, share=share)
+def _merged(
+    merge: Callable[..., NDArray[np.int32]],
+    parts: NDArray[np.int32],
+    measured: PredictedParts,
+    noted: Steps | None,
+    share: Share,
+) -> NDArray[np.int32]:
+    """Merge parts or pieces, and note what was joined."""
+    # A merge uses the measurements up.
+    log, touching = JoinLog(), measured.contacts.pairs(AREA)
+    merged = merge(parts, measured, log=log, share=share)
     if noted is not None:
-        noted.levels.append(Level.of(log, found.parts, *touching))
+        noted.levels.append(Level.of(log, parts, *touching))
     return merged
 
 
@@ -310,7 +314,7 @@ def split_at_density_steps(
         Of them, for `merge_pieces`.
     """
     # The classifier of pieces learned from borders that were not smoothed yet.
-    labels = _merged_parts(found, noted, share.part(0.0, 0.1))
+    labels = _merged(merge_parts, found.parts, found.measured, noted, share.part(0.0, 0.1))
     labels = sharpened(labels, density, found, 0, share.part(0.1, 0.4))
     far, rest = found.prediction.far, share.part(0.4, 1.0)
     return split_and_measure(labels, density, spacing, found.scale, far, rest)
