@@ -14,7 +14,7 @@ from scipy.ndimage import binary_dilation
 
 from napari_unpack.segmentation.block_workers import BlockWorkers
 from napari_unpack.segmentation.common.array_source import Source, source_of
-from napari_unpack.segmentation.common.block_jobs import BlockRunner
+from napari_unpack.segmentation.common.block_jobs import RunBlocks, run_in_turn, run_on_threads
 from napari_unpack.segmentation.common.density_regions import air_offset
 from napari_unpack.segmentation.common.joins import Steps
 from napari_unpack.segmentation.common.merging import absorb_fringes, absorb_small
@@ -252,11 +252,12 @@ def _segmented(
     share: Share,
     working: int,
     out: Any,
-    runner: BlockRunner | None,
+    workers: BlockWorkers | None,
 ) -> Segmentation:
     oracle = wanted.oracle
     if source.size > min(working, WORKING_VOXELS):
-        find = partial(_segment_grid, options=wanted, runner=runner)
+        reading, looking = (workers.run,) * 2 if workers else (run_on_threads, run_in_turn)
+        find = partial(_segment_grid, options=wanted, run=looking)
         fewest = int(max(wanted.smallest / float(np.prod(size)), MIN_OBJECT_VOXELS))
         with read_once(source) as near:
             labels, table = segment_large(
@@ -270,7 +271,7 @@ def _segmented(
                 fewest=fewest,
                 oracle=oracle,
                 out=out,
-                runner=runner,
+                run=reading,
             )
         share(1.0, f"{len(table)} objects")
         return Segmentation(labels, table)
@@ -295,7 +296,7 @@ def _segment_grid(
     share: Share,
     options: SegmentOptions,
     noted: Steps | None = None,
-    runner: BlockRunner | None = None,
+    run: RunBlocks = run_in_turn,
 ) -> NDArray[np.int32]:
     """Find the objects of a volume that fits into memory, named by size."""
     density, level = in_common_range(density, options.foreground.method)
@@ -315,7 +316,7 @@ def _segment_grid(
     cleared = replace(options, foreground=foreground, grainy=noisy)
     looking = share.part(0.05, 0.9 if noisy else 0.95)
     if density.size > WORKING_VOXELS:
-        labels = _objects_in_blocks(density, spacing, looking, cleared, runner)
+        labels = _objects_in_blocks(density, spacing, looking, cleared, run)
     else:
         labels = _objects(density, spacing, looking, cleared, noted)
     if noisy:
@@ -374,7 +375,7 @@ def _objects_in_blocks(
     spacing: Spacing,
     share: Share,
     options: SegmentOptions,
-    runner: BlockRunner | None,
+    run: RunBlocks,
 ) -> NDArray[np.int32]:
     """Find objects block by block, all of whose densities are compared on the volume's scale."""
     given = options.foreground
@@ -393,7 +394,7 @@ def _objects_in_blocks(
     alone = replace(options, foreground=blockwise, network=None)
     find = partial(_objects_of_block, options=alone)
     finding = share.part(0.02, 1.0, "Finding objects block by block")
-    return find_in_blocks(density, spacing, find, finding, runner)
+    return find_in_blocks(density, spacing, find, finding, run)
 
 
 def _no_objects(
