@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -130,13 +131,10 @@ def _table(records: list[Record], labels: NDArray[np.uint16]) -> pd.DataFrame:
     depth = [0]
     for record in records:
         depth.append(depth[record.parent] + 1 if record.parent else 0)
-    total: dict[str, int] = {}
-    for record in records:
-        total[record.name] = total.get(record.name, 0) + 1
-    seen: dict[str, int] = {}
+    total, seen = Counter(record.name for record in records), Counter[str]()
     names = []
     for record in records:
-        seen[record.name] = seen.get(record.name, 0) + 1
+        seen[record.name] += 1
         number = f" {seen[record.name]}" if total[record.name] > 1 else ""
         names.append(record.name.capitalize() + number)
     return pd.DataFrame(
