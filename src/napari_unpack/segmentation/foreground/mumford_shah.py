@@ -394,8 +394,8 @@ def relax(
     close: float = 0.005,
     sweeps: int = 100,
     share: Share = SILENT,
-) -> int:
-    """Make a field fit the data of its side and be smooth; return the sweeps made.
+) -> None:
+    """Make a field fit the data of its side and be smooth.
 
     Parameters
     ----------
@@ -419,12 +419,10 @@ def relax(
     # raises the energy.
     squeeze = np.array(weights.squeeze, np.float32) * np.float32(weights.smoothness)
     where = np.flatnonzero(active)
-    made, largest = 0, np.inf
-    while made < sweeps and largest > close:
-        share(made / sweeps)
-        largest = max(_sweep(data, side, field, squeeze, where, color) for color in (0, 1))
-        made += 1
-    return made
+    for n in range(sweeps):
+        share(n / sweeps)
+        if max(_sweep(data, side, field, squeeze, where, color) for color in (0, 1)) <= close:
+            break
 
 
 def energy(
