@@ -379,11 +379,7 @@ def _objects_in_blocks(
 ) -> NDArray[np.int32]:
     """Find objects block by block, all of whose densities are compared on the volume's scale."""
     given = options.foreground
-    if given.found is None:
-        begun = share.part(0.0, 0.02, "Finding the foreground")
-        mask, levels = find_foreground(density, spacing, given.method, begun)
-    else:
-        mask, levels = given.found
+    mask, levels = given.find(density, spacing, share.part(0.0, 0.02))
     known = KnownScale(levels, typical_knee(density, mask, levels.air))
     # Cut off by the end of a block, a box looks like a table.
     aside = _no_objects(density, mask, spacing, given.supports)

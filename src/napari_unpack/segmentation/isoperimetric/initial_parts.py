@@ -12,11 +12,7 @@ from napari_unpack.segmentation.common.density_regions import DensityScale, dens
 from napari_unpack.segmentation.common.region import Oracle, Region
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.foreground.bag_shell import find_shell
-from napari_unpack.segmentation.foreground.methods import (
-    ForegroundOptions,
-    find_foreground,
-    typical_knee,
-)
+from napari_unpack.segmentation.foreground.methods import ForegroundOptions, typical_knee
 from napari_unpack.segmentation.foreground.scanner_table import find_supports, measured_section
 from napari_unpack.segmentation.isoperimetric.cut_tree import split_recursively
 from napari_unpack.tasks import Share
@@ -69,11 +65,7 @@ def split_parts(
         How densities were compared.
     """
     known = foreground.known
-    if foreground.found is None:
-        begun = share.part(0.0, 0.1, "Finding the foreground")
-        mask, levels = find_foreground(density, spacing, foreground.method, begun, known)
-    else:
-        mask, levels = foreground.found
+    mask, levels = foreground.find(density, spacing, share.part(0.0, 0.1))
     section = measured_section(density) if known is None else None
     if section is not None:
         # Beyond the scanner's circle nothing was measured, though the file has numbers there.

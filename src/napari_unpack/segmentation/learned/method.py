@@ -27,11 +27,7 @@ from napari_unpack.segmentation.common.merging import absorb_small
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.foreground.bag_shell import drop_skin, find_case, find_shell
-from napari_unpack.segmentation.foreground.methods import (
-    ForegroundOptions,
-    find_foreground,
-    typical_knee,
-)
+from napari_unpack.segmentation.foreground.methods import ForegroundOptions, typical_knee
 from napari_unpack.segmentation.foreground.scanner_table import (
     SUPPORT_RIM,
     find_supports,
@@ -141,11 +137,7 @@ def oversegment(
     """
     options, share = foreground or ForegroundOptions(), Share(progress)
     known = options.known
-    if options.found is None:
-        begun = share.part(0.0, 0.05, "Finding the foreground")
-        dense, levels = find_foreground(density, spacing, options.method, begun, known)
-    else:
-        dense, levels = options.found
+    dense, levels = options.find(density, spacing, share.part(0.0, 0.05))
     knee = typical_knee(density, dense, levels.air) if known is None else known.knee
     scale = DensityScale(levels.air, knee)
     prediction = (network or default_boundaries()).predict(density, scale, share.part(0.05, 0.65))
