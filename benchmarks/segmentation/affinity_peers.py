@@ -19,7 +19,7 @@ from benchmarks.segmentation.peers import Found
 from napari_unpack.segmentation import pipeline, segment
 from napari_unpack.segmentation.learned import method
 from napari_unpack.segmentation.learned.affinity_linkage import LinkageThreshold
-from napari_unpack.segmentation.learned.fragments import FragmentAffinities
+from napari_unpack.segmentation.learned.fragments import REACH_WEIGHTS, FragmentAffinities
 
 BARS = (0.25, 0.35, 0.45, 0.55)
 
@@ -30,8 +30,7 @@ Link = Callable[[Any, NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_
 def ours(volume: NDArray[Any], spacing: Any) -> Found:
     """Yield our linkage alone, whose bar rises with the size of the smaller."""
     for bar in BARS:
-        limits = method.PredictionThresholds(together=LinkageThreshold(bar, 0.1))
-        with mock.patch.object(method, "LINKAGE_ALONE", limits):
+        with mock.patch.object(method, "LINKAGE_ALONE", LinkageThreshold(bar, 0.1)):
             yield f"linkage alone {bar:g}", _alone(volume, spacing)
 
 
@@ -58,7 +57,6 @@ def _linked(
     affinities: FragmentAffinities,
     sizes: NDArray[np.integer[Any]],
     threshold: LinkageThreshold,
-    weights: NDArray[np.float64],
     log: Any = None,
 ) -> NDArray[np.int64]:
     """Stand in for `mean_affinity_linkage`."""
@@ -66,8 +64,10 @@ def _linked(
 
     graph = UndirectedGraph(len(sizes))
     graph.insert_edges(affinities.pairs.astype(np.uint64))
-    counts = affinities.counts @ weights
-    labels = link(graph, affinities.sums @ weights - bar * counts, counts, affinities.touching > 0)
+    counts = affinities.counts @ REACH_WEIGHTS
+    labels = link(
+        graph, affinities.sums @ REACH_WEIGHTS - bar * counts, counts, affinities.touching > 0
+    )
     # Each is named by its first fragment.
     _, first, inverse = np.unique(np.asarray(labels), return_index=True, return_inverse=True)
     return np.asarray(first[inverse], np.int64)

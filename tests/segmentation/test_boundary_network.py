@@ -160,15 +160,15 @@ def test_fragments_join_by_the_mean_and_long_reaches_hold_apart():
     # 1 and 2 belong together; 3 leaks into 2, but from 1 it is far apart.
     ties = FragmentAffinities(
         np.array([[1, 2], [1, 3], [2, 3]]),
-        np.array([[45.0, 45.0], [0.0, 0.0], [6.0, 6.0]]),
-        np.array([[50.0, 50.0], [0.0, 100.0], [10.0, 10.0]]),
+        np.array([[45.0, 45.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0], [6.0, 6.0, 0.0, 0.0]]),
+        np.array([[50.0, 50.0, 0.0, 0.0], [0.0, 100.0, 0.0, 0.0], [10.0, 10.0, 0.0, 0.0]]),
     )
-    sizes, alike = np.array([0, 1000, 1000, 1000]), np.ones(2)
-    owner = mean_affinity_linkage(ties, sizes, LinkageThreshold(), alike)
+    sizes = np.array([0, 1000, 1000, 1000])
+    owner = mean_affinity_linkage(ties, sizes, LinkageThreshold())
     assert owner[1] == owner[2] != owner[3]
     # Without what is known from afar, the leak decides.
     leak = FragmentAffinities(*(part[[0, 2]] for part in (ties.pairs, ties.sums, ties.counts)))
-    owner = mean_affinity_linkage(leak, sizes, LinkageThreshold(), alike)
+    owner = mean_affinity_linkage(leak, sizes, LinkageThreshold())
     assert owner[1] == owner[2] == owner[3]
 
 

@@ -13,6 +13,7 @@ from napari_unpack.segmentation.isoperimetric.cut_tree import (
     split_recursively,
 )
 from napari_unpack.segmentation.isoperimetric.oracle_refinement import join_touching
+from napari_unpack.tasks import Share
 
 UNIT = (1.0, 1.0, 1.0)
 
@@ -22,7 +23,7 @@ def region_of(mask):
 
 
 def node(confidence, voxels, parts=(), compactness=0.5):
-    return Node(region_of(np.ones((1, 1, voxels), bool)), confidence, parts, compactness, "test")
+    return Node(region_of(np.ones((1, 1, voxels), bool)), confidence, parts, compactness)
 
 
 def chain():
@@ -78,7 +79,7 @@ def test_a_sure_region_is_not_cut_and_every_split_can_be_cancelled():
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        split_recursively([region], lambda r: 0.1, 500.0, cancel)
+        split_recursively([region], lambda r: 0.1, 500.0, Share(cancel))
 
 
 def test_what_was_cut_too_soon_is_joined():

@@ -3,43 +3,48 @@ import itertools
 import numpy as np
 import pytest
 
-from napari_unpack.segmentation.isoperimetric.distance_tree import significant_minima, tree_sweep
+from napari_unpack.segmentation.isoperimetric.distance_tree import (
+    isoperimetric_ratio,
+    significant_minima,
+    tree_sweep,
+)
 
 UNIT = (1.0, 1.0, 1.0)
 
 
 def test_a_row_of_five_voxels_is_swept_from_its_middle_with_the_cuts_worked_out_by_hand():
     mask = np.ones((1, 1, 5), bool)
-    sweep = tree_sweep(mask, np.array([[[1.0, 2, 3, 2, 1]]]), UNIT)
+    order, cut = tree_sweep(mask, np.array([[[1.0, 2, 3, 2, 1]]]), UNIT)
     # Ground in the middle; two arms of subtrees 2, 1: potentials 0, 2, 2, 3, 3.
-    assert sweep.order[0] == 2
-    assert set(sweep.order[1:3].tolist()) == {1, 3}
-    assert set(sweep.order[3:].tolist()) == {0, 4}
+    assert order[0] == 2
+    assert set(order[1:3].tolist()) == {1, 3}
+    assert set(order[3:].tolist()) == {0, 4}
     # {2}: two faces; {2, one arm}: two; both arms: two; one end too: one; all: none.
-    np.testing.assert_array_equal(sweep.cut, [2, 2, 2, 1, 0])
-    np.testing.assert_allclose(sweep.ratio[:4], [2 / 1, 2 / 2, 2 / 2, 1 / 1])
-    assert np.isinf(sweep.ratio[4])
+    np.testing.assert_array_equal(cut, [2, 2, 2, 1, 0])
+    ratio = isoperimetric_ratio(cut, 1.0)
+    np.testing.assert_allclose(ratio[:4], [2 / 1, 2 / 2, 2 / 2, 1 / 1])
+    assert np.isinf(ratio[4])
 
 
 def test_the_cut_is_an_area_in_square_millimetres():
     mask = np.ones((2, 1, 1), bool)
-    sweep = tree_sweep(mask, np.array([[[2.0]], [[1.0]]]), (5.0, 2.0, 3.0))
-    assert sweep.cut[0] == pytest.approx(6.0)
-    assert sweep.ratio[0] == pytest.approx(6.0 / 30.0)
+    _, cut = tree_sweep(mask, np.array([[[2.0]], [[1.0]]]), (5.0, 2.0, 3.0))
+    assert cut[0] == pytest.approx(6.0)
+    assert isoperimetric_ratio(cut, 30.0)[0] == pytest.approx(6.0 / 30.0)
 
 
 def test_the_tree_follows_the_deepest_way_round():
     # Voxels 0 1 2 over 3 4 5. The tree is 0-3-4-5-2 with 1 hanging from 0; subtrees hold
     # 4, 3, 2, 1 and 1 voxels, so the potentials are 3: 4, 4: 7, 5: 9, 2: 10 and 1: 1.
     distance = np.array([[[9.0, 1.0, 1.0], [8.0, 7.0, 6.0]]])
-    sweep = tree_sweep(np.ones((1, 2, 3), bool), distance, UNIT)
-    assert sweep.order.tolist() == [0, 1, 3, 4, 5, 2]
-    np.testing.assert_array_equal(sweep.cut, [2, 3, 3, 2, 2, 0])
+    order, cut = tree_sweep(np.ones((1, 2, 3), bool), distance, UNIT)
+    assert order.tolist() == [0, 1, 3, 4, 5, 2]
+    np.testing.assert_array_equal(cut, [2, 3, 3, 2, 2, 0])
 
 
 def test_voxels_the_ground_cannot_reach_are_left_out():
     mask = np.array([[[True, True, False, True]]])
-    assert len(tree_sweep(mask, np.ones(mask.shape), UNIT).order) == 2
+    assert len(tree_sweep(mask, np.ones(mask.shape), UNIT)[0]) == 2
 
 
 @pytest.mark.parametrize("conductance", ["unit", "distance"])
@@ -75,13 +80,13 @@ def test_the_sweep_agrees_with_a_brute_force_twin(conductance):
         )
         return sum(steps)
 
-    sweep = tree_sweep(mask, distance, UNIT, conductance)
-    found = [tuple(int(i) for i in np.unravel_index(k, mask.shape)) for k in sweep.order]
+    order, cut = tree_sweep(mask, distance, UNIT, conductance)
+    found = [tuple(int(i) for i in np.unravel_index(k, mask.shape)) for k in order]
     values = [potential(v) for v in found]
     assert all(b >= a - 1e-9 for a, b in itertools.pairwise(values))
     for k in range(len(found)):
         first = set(found[: k + 1])
-        assert sweep.cut[k] == sum(a in first and b not in first for a, b in beside)
+        assert cut[k] == sum(a in first and b not in first for a, b in beside)
 
 
 def test_only_minima_that_stand_out_are_significant():

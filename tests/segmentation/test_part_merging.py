@@ -43,9 +43,7 @@ def measured(spacing=(1.0, 1.0, 1.0)):
     labels = three_boxes()
     density = np.where(labels > 0, 1000.0, 0.0)
     scale = DensityScale(0.0, 250.0)
-    return measure_predicted_parts(
-        labels, density, spacing, scale, ties, owner, np.array([1.0, 2, 2, 2])
-    )
+    return measure_predicted_parts(labels, density, spacing, scale, ties, owner)
 
 
 def test_what_fragments_say_is_added_up_between_and_within_parts():

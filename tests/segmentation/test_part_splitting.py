@@ -22,7 +22,6 @@ from napari_unpack.segmentation.learned.part_splitting import (
 
 SHAPE = (24, 24, 60)
 SCALE = DensityScale(0.0, 200.0)
-WEIGHTS = np.array([1.0, 2.0, 2.0, 2.0])
 
 
 def three_in_a_row():
@@ -37,7 +36,7 @@ def three_in_a_row():
 def measured(objects, density, far=255):
     half = [n // 2 for n in density.shape]
     said = np.full((3 * len(REACHES), *half), far, np.uint8)
-    return split_and_measure(objects, density, (1.0, 1.0, 1.0), SCALE, said, WEIGHTS)
+    return split_and_measure(objects, density, (1.0, 1.0, 1.0), SCALE, said)
 
 
 def judge_of(feature, gain, bias=0.0):

@@ -16,38 +16,19 @@ MOST_SAMPLES = 1_000_000
 SMALLEST_RANGE = 1e-300
 
 
-@dataclass(frozen=True)
-class Ramp:
-    """Densities at which opacity turns.
-
-    Parameters
-    ----------
-    lowest : float
-        Least density of the scan.
-    foot : float
-        Where matter begins to show.
-    surface : float
-        Where a surface stands, between background and matter.
-    body : float
-        The typical density of matter.
-    highest : float
-        Close to the densest there is.
-    """
-
-    lowest: float
-    foot: float
-    surface: float
-    body: float
-    highest: float
-
-
-def foreground_ramp(volume: ArrayLike) -> Ramp:
-    """Find where matter begins in a scan of any range.
+def foreground_ramp(volume: ArrayLike) -> tuple[float, ...]:
+    """Find the densities at which opacity turns, in a scan of any range.
 
     Parameters
     ----------
     volume : (Z, Y, X) array_like
         Density; NaN and infinities are ignored. A million voxels of it are looked at.
+
+    Returns
+    -------
+    lowest, foot, surface, body, highest : float
+        The least density; where matter begins to show; where a surface stands, between background
+        and matter; the typical density of matter; close to the densest there is.
 
     Raises
     ------
@@ -84,7 +65,7 @@ def foreground_ramp(volume: ArrayLike) -> Ramp:
     foot = min(max(air + 4.0 * noise, air + 0.45 * (threshold - air)), 0.8 * threshold + 0.2 * air)
     surface = max(threshold, foot + 0.25 * (body - foot))
     body, highest = max(body, surface), max(top, (highest + top) / 2)
-    return Ramp(lowest, *(lowest + level for level in (foot, surface, body, highest)))
+    return lowest, *(lowest + level for level in (foot, surface, body, highest))
 
 
 def _samples(volume: NDArray[np.generic]) -> NDArray[np.float64]:
@@ -200,19 +181,12 @@ class TransferFunction:
             If the volume is empty, constant or has no finite value.
         """
         ramp = foreground_ramp(volume)
-        points = [
-            (ramp.lowest, 0.0),
-            (ramp.foot, 0.0),
-            (ramp.surface, 0.2),
-            (ramp.body, 0.4),
-            (ramp.highest, 0.65),
-        ]
-        kept = [points[0]]
-        for density, opacity in points[1:]:
+        kept = [(ramp[0], 0.0)]
+        for density, opacity in zip(ramp[1:], (0.0, 0.2, 0.4, 0.65), strict=True):
             # A scan with few values may have two points at one density.
             if density > kept[-1][0]:
                 kept.append((density, opacity))
-        return cls(kept, _greys(ramp.foot, ramp.highest))
+        return cls(kept, _greys(ramp[1], ramp[-1]))
 
     def shifted(self, by: float) -> TransferFunction:
         """Return it for densities that are larger by so much."""

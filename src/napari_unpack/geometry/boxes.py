@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,7 +47,7 @@ class LabelBoxes:
             raise KeyError(f"no object {object_id} in the label volume")
         return row
 
-    def slices(self, object_id: int, margin: int = 0) -> tuple[slice, slice, slice]:
+    def slices(self, object_id: int, margin: int = 0) -> Box:
         """Return the slices of an object's box, widened by a margin but not below zero.
 
         Parameters
@@ -57,8 +58,12 @@ class LabelBoxes:
         """
         row = self.index(object_id)
         low = np.maximum(self.lower[row] - margin, 0)
-        high = self.upper[row] + margin
-        return tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))  # type: ignore[return-value]
+        return _box_of(low, self.upper[row] + margin)
+
+    def around(self, ids: Iterable[int]) -> Box:
+        """Return the slices of the box around all of some objects, at least one."""
+        rows = [self.index(i) for i in ids]
+        return _box_of(self.lower[rows].min(axis=0), self.upper[rows].max(axis=0))
 
     def center(self, object_id: int, spacing: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the centre of an object's box in world mm, z y x.
@@ -119,6 +124,19 @@ class LabelBoxes:
         )
         areas: NDArray[np.float64] = faces @ np.abs(direction)
         return areas
+
+
+def _box_of(low: NDArray[np.int64], high: NDArray[np.int64]) -> Box:
+    z, y, x = (slice(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True))
+    return z, y, x
+
+
+def bounding_box(mask: NDArray[np.bool_]) -> Box:
+    """Return the smallest box around a (Z, Y, X) mask with at least one voxel."""
+    # Three projections, not argwhere: memory stays that of the mask.
+    hits = (np.flatnonzero(mask.any(axis=others)) for others in ((1, 2), (0, 2), (0, 1)))
+    z, y, x = (slice(int(hit[0]), int(hit[-1]) + 1) for hit in hits)
+    return z, y, x
 
 
 def box_corners(lower: NDArray[np.float64], upper: NDArray[np.float64]) -> NDArray[np.float64]:

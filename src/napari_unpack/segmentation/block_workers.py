@@ -70,7 +70,7 @@ class BlockWorkers:
         Parameters
         ----------
         source, jobs, count, share
-            As for `BlockRunner.run`.
+            As for `RunBlocks`.
         """
         calls = (self._begun(source, job) for job in jobs)
         yield from self._in_order(calls, count, share)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 from scipy.sparse import coo_matrix
 
+from napari_unpack.geometry.boxes import bounding_box
 from napari_unpack.segmentation.common.validation import checked_labels, checked_spacing
 
 # Least precision and recall of a detected object, and of a detected sheet: ALERT's rule.
@@ -361,8 +362,7 @@ def _distances(
     """Return the mean and the 95 % Hausdorff distance of two masks' boundaries, mm."""
     if not other.any():
         return np.nan, np.nan
-    spots = np.nonzero(one | other)
-    box = tuple(slice(int(axis.min()), int(axis.max()) + 1) for axis in spots)
+    box = bounding_box(one | other)
     rims = [_rim(mask[box]) for mask in (one, other)]
     ways = []
     for here, there in (rims, rims[::-1]):

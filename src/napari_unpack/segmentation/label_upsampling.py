@@ -407,12 +407,9 @@ def named_things(
     pairs = _touched(pieces, labels, ~large)
     if len(pairs):
         touched, times = np.unique(pairs, axis=0, return_counts=True)
-        for (piece, label), _ in sorted(
-            # Rising, so that the label touched most is written last; of equals the lowest.
-            zip(touched.tolist(), times.tolist(), strict=True),
-            key=lambda row: (row[1], -row[0][1]),
-        ):
-            owner[piece] = label
+        # Rising, so that the label touched most is written last; of equals the lowest.
+        order = np.lexsort((-touched[:, 1], times))
+        owner[touched[order, 0]] = touched[order, 1]
     return owner[pieces]
 
 

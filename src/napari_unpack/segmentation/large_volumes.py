@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.memory import check_memory
 from napari_unpack.segmentation.common.array_source import Box, Source, blocks, grown, within
-from napari_unpack.segmentation.common.block_jobs import BlockJob, BlockRunner, ThreadRunner
+from napari_unpack.segmentation.common.block_jobs import BlockJob, RunBlocks, run_on_threads
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS, Oracle
 from napari_unpack.segmentation.common.validation import Spacing, padding_of
 from napari_unpack.segmentation.foreground.denoising import needs_denoising
@@ -56,7 +56,7 @@ def segment_large(
     grainy: bool | None = None,
     oracle: Oracle | None = None,
     out: Any = None,
-    runner: BlockRunner | None = None,
+    run: RunBlocks = run_on_threads,
 ) -> tuple[Any, pd.DataFrame]:
     """Find the objects of a volume that is never in memory as a whole.
 
@@ -80,8 +80,8 @@ def segment_large(
         Confidence of the objects, as they are on the grid.
     out : array, optional
         Where labels are written; by default a new ndarray.
-    runner : BlockRunner, optional
-        What works on blocks, by default threads. The result does not depend on it.
+    run : RunBlocks
+        What works on blocks. The result does not depend on it.
 
     Returns
     -------
@@ -100,18 +100,18 @@ def segment_large(
     # and what its objects are found with, and about 20 bytes for every voxel of the blocks in work.
     # Single bright voxels so many that every cell has a neighbour with one are a haze on the grid,
     # and may come out as an object.
-    share, runner = Share(progress), runner or ThreadRunner()
+    share = Share(progress)
     begun = share.part(0.0, 0.02, "Reducing the volume")
     factors = reduction(source.shape, spacing, working)
     count = prod(-(-n // f) for n, f in zip(source.shape, factors, strict=True))
     if count > WORKING_VOXELS:
         remedy = "pass a smaller working"
         check_memory(f"finding objects in {count:,} cells", GRID_BYTES * count, remedy)
-    grid = reduced(source, spacing, factors, BLOCK, begun, runner)
+    grid = reduced(source, spacing, factors, BLOCK, begun, run)
     padding = padding_of(grid.sample)
     if padding is not None:
         source = replace(source, padding=padding)
-        grid = reduced(source, spacing, factors, BLOCK, share.part(0.02, 0.03), runner)
+        grid = reduced(source, spacing, factors, BLOCK, share.part(0.02, 0.03), run)
     levels = foreground_levels(grid.sample, foreground)
     labels = find(grid.density, grid.spacing, share.part(0.03, 0.6, "Looking at the volume"))
     refining = share.part(0.6, 0.9, "Refining the borders")
@@ -130,7 +130,7 @@ def segment_large(
         BlockJob(refined, grown(box, 2, source.shape), (rough.around(cells), box, cells))
         for box, cells in places
     )
-    done = runner.run(source, jobs, len(places), refining.part(0.1, 0.9))
+    done = run(source, jobs, len(places), refining.part(0.1, 0.9))
     for (box, cells), (found, rest) in zip(places, done, strict=True):
         with source.lock:
             out[box] = found
@@ -142,13 +142,15 @@ def segment_large(
     measuring = share.part(0.9, 1.0, "Measuring objects")
     labels = np.where(things > 0, things, labels)
     top = int(labels.max())
-    sums = _measured(source, out, places, top, spacing, measuring.part(0.0, 0.5), runner)
+    sums = _measured(source, out, places, top, spacing, measuring.part(0.0, 0.5), run)
     rating = measuring.part(0.5, 0.8)
     confidence = confidences(labels, grid.density, grid.spacing, oracle, rating)
     names = ranks(sums.totals[:, 0])
     # Another pass over a store, which is often needless.
     if (names != np.arange(len(names))).any():
-        _rename(source, out, places, names, measuring.part(0.8, 1.0))
+        for box, _ in measuring.part(0.8, 1.0).over(places):
+            with source.lock:
+                out[box] = names[np.asarray(out[box])]
     table = sums.table(spacing, confidence)
     table.index = pd.Index(names[table.index.to_numpy()].astype(np.int64), name="id")
     return out, table.sort_index()
@@ -182,8 +184,7 @@ def measured_objects(
         isoperimetric_ratio, as in `pipeline.Segmentation`. Objects without a voxel are left out.
     """
     places, named = list(blocks(source.shape, (1, 1, 1), BLOCK)), _Renamed(labels, ids)
-    share, runner = Share(progress), ThreadRunner()
-    sums = _measured(source, named, places, len(ids), spacing, share, runner)
+    sums = _measured(source, named, places, len(ids), spacing, Share(progress), run_on_threads)
     table = sums.table(spacing)
     table.index = pd.Index(ids[table.index.to_numpy() - 1].astype(np.int64), name="id")
     return table
@@ -250,7 +251,7 @@ def _measured(
     top: int,
     spacing: Spacing,
     share: Share,
-    runner: BlockRunner,
+    run: RunBlocks,
 ) -> ObjectSums:
     """Add up all objects; every block has sums of its own, added in order."""
 
@@ -262,7 +263,7 @@ def _measured(
 
     total = ObjectSums.empty(top)
     jobs = (job(box) for box, _ in places)
-    for sums in runner.run(source, jobs, len(places), share):
+    for sums in run(source, jobs, len(places), share):
         # In the order of blocks: sums of floats depend on it, and must not on threads.
         total.totals[:] += sums.totals
         total.area[:] += sums.area
@@ -282,16 +283,3 @@ def _block_sums(
     start = (outer[0].start, outer[1].start, outer[2].start)
     sums.add(found, source.read(outer), spacing, start, within(box, outer), share)
     return sums
-
-
-def _rename(
-    source: Source,
-    out: Any,
-    places: list[tuple[Box, Box]],
-    names: NDArray[np.int32],
-    share: Share,
-) -> None:
-    """Rename all labels, block by block."""
-    for box, _ in share.over(places):
-        with source.lock:
-            out[box] = names[np.asarray(out[box])]

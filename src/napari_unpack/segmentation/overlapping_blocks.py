@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 
 from napari_unpack.geometry.relabeling import numbered
 from napari_unpack.segmentation.common.array_source import Box, Source, source_of, within
-from napari_unpack.segmentation.common.block_jobs import BlockJob, BlockRunner, SerialRunner
+from napari_unpack.segmentation.common.block_jobs import BlockJob, RunBlocks, run_in_turn
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.working_grid import WORKING_VOXELS
@@ -103,7 +103,7 @@ def find_in_blocks(
     spacing: Spacing,
     find: FindInBlock,
     share: Share,
-    runner: BlockRunner | None = None,
+    run: RunBlocks = run_in_turn,
     *,
     most: int = WORKING_VOXELS,
     overlap: int = OVERLAP,
@@ -118,7 +118,7 @@ def find_in_blocks(
         `find(density, spacing, share) -> labels` finds the objects of a block, 1, 2, ...; it may
         find none.
     share : Share
-    runner : BlockRunner, optional
+    run : RunBlocks
         By default one block after the other.
     most, overlap : int
         See `overlapping_blocks`.
@@ -130,7 +130,7 @@ def find_in_blocks(
 
     Notes
     -----
-    The result does not depend on the runner, but on where blocks are cut: a block has its own
+    The result does not depend on `run`, but on where blocks are cut: a block has its own
     surroundings only. What two blocks see differently ends where their own parts meet: an object
     that is whole in one block and in two pieces in the other, neither of which has more than half
     of it in the overlap, is cut there.
@@ -138,9 +138,7 @@ def find_in_blocks(
     places = overlapping_blocks(density.shape, most, overlap)  # type: ignore[arg-type]
     labels = np.zeros(density.shape, np.int32)
     jobs = (BlockJob(_found, place.box, (place.box, spacing, find)) for place in places)
-    found = (runner or SerialRunner()).run(
-        source_of(density), jobs, len(places), share.part(0.0, 0.95)
-    )
+    found = run(source_of(density), jobs, len(places), share.part(0.0, 0.95))
     bands = _Bands()
     for place, part in zip(places, found, strict=True):
         named = np.where(part > 0, part + bands.named, 0)

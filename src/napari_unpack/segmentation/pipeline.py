@@ -14,7 +14,7 @@ from scipy.ndimage import binary_dilation
 
 from napari_unpack.segmentation.block_workers import BlockWorkers
 from napari_unpack.segmentation.common.array_source import Source, source_of
-from napari_unpack.segmentation.common.block_jobs import BlockRunner
+from napari_unpack.segmentation.common.block_jobs import RunBlocks, run_in_turn, run_on_threads
 from napari_unpack.segmentation.common.density_regions import air_offset
 from napari_unpack.segmentation.common.joins import Steps
 from napari_unpack.segmentation.common.merging import absorb_fringes, absorb_small
@@ -252,11 +252,12 @@ def _segmented(
     share: Share,
     working: int,
     out: Any,
-    runner: BlockRunner | None,
+    workers: BlockWorkers | None,
 ) -> Segmentation:
     oracle = wanted.oracle
     if source.size > min(working, WORKING_VOXELS):
-        find = partial(_segment_grid, options=wanted, runner=runner)
+        reading, looking = (workers.run,) * 2 if workers else (run_on_threads, run_in_turn)
+        find = partial(_segment_grid, options=wanted, run=looking)
         fewest = int(max(wanted.smallest / float(np.prod(size)), MIN_OBJECT_VOXELS))
         with read_once(source) as near:
             labels, table = segment_large(
@@ -270,7 +271,7 @@ def _segmented(
                 fewest=fewest,
                 oracle=oracle,
                 out=out,
-                runner=runner,
+                run=reading,
             )
         share(1.0, f"{len(table)} objects")
         return Segmentation(labels, table)
@@ -295,7 +296,7 @@ def _segment_grid(
     share: Share,
     options: SegmentOptions,
     noted: Steps | None = None,
-    runner: BlockRunner | None = None,
+    run: RunBlocks = run_in_turn,
 ) -> NDArray[np.int32]:
     """Find the objects of a volume that fits into memory, named by size."""
     density, level = in_common_range(density, options.foreground.method)
@@ -315,7 +316,7 @@ def _segment_grid(
     cleared = replace(options, foreground=foreground, grainy=noisy)
     looking = share.part(0.05, 0.9 if noisy else 0.95)
     if density.size > WORKING_VOXELS:
-        labels = _objects_in_blocks(density, spacing, looking, cleared, runner)
+        labels = _objects_in_blocks(density, spacing, looking, cleared, run)
     else:
         labels = _objects(density, spacing, looking, cleared, noted)
     if noisy:
@@ -374,15 +375,11 @@ def _objects_in_blocks(
     spacing: Spacing,
     share: Share,
     options: SegmentOptions,
-    runner: BlockRunner | None,
+    run: RunBlocks,
 ) -> NDArray[np.int32]:
     """Find objects block by block, all of whose densities are compared on the volume's scale."""
     given = options.foreground
-    if given.found is None:
-        begun = share.part(0.0, 0.02, "Finding the foreground")
-        mask, levels = find_foreground(density, spacing, given.method, begun)
-    else:
-        mask, levels = given.found
+    mask, levels = given.find(density, spacing, share.part(0.0, 0.02))
     known = KnownScale(levels, typical_knee(density, mask, levels.air))
     # Cut off by the end of a block, a box looks like a table.
     aside = _no_objects(density, mask, spacing, given.supports)
@@ -393,7 +390,7 @@ def _objects_in_blocks(
     alone = replace(options, foreground=blockwise, network=None)
     find = partial(_objects_of_block, options=alone)
     finding = share.part(0.02, 1.0, "Finding objects block by block")
-    return find_in_blocks(density, spacing, find, finding, runner)
+    return find_in_blocks(density, spacing, find, finding, run)
 
 
 def _no_objects(
@@ -428,8 +425,7 @@ def _cut_objects(
 ) -> NDArray[np.int32]:
     """Find objects by the paper's method: recursive cuts, then merges that the oracle prefers."""
     oracle, foreground = options.oracle or default_oracle(), options.foreground
-    air = 0.0 if foreground.found is None else air_offset(density, foreground.found[0])
-    if foreground.found is not None and air:
+    if foreground.found is not None and (air := air_offset(density, foreground.found[0])):
         mask, at = foreground.found
         at = replace(at, air=at.air - air, low=at.low - air, high=at.high - air)
         foreground = replace(foreground, found=(mask, at))
@@ -444,6 +440,6 @@ def _cut_objects(
     light = scale.air + FOLD_DENSITY * 4 * scale.knee
     parts = absorb_fringes(bundle_folds(parts, density, spacing, light), density, spacing)
     joining = share.part(0.92, 1.0, "Merging parts")
-    parts = join_touching(parts, density, spacing, oracle, progress=joining)
+    parts = join_touching(parts, density, spacing, oracle, share=joining)
     voxel = float(np.prod(spacing))
     return absorb_small(parts, spacing, max(options.smallest, MIN_OBJECT_VOXELS * voxel))

@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from napari_unpack.geometry.boxes import LabelBoxes, differing_box
+from napari_unpack.geometry.boxes import Box, LabelBoxes, differing_box
 from napari_unpack.segmentation.common.density_regions import air_offset
 from napari_unpack.segmentation.isoperimetric.two_point_cut import cut_between
 from napari_unpack.segmentation.review.doubts import Doubt, Said
 from napari_unpack.segmentation.review.evidence import Evidence
 
 Labels = NDArray[np.integer[Any]]
-Box = tuple[slice, slice, slice]
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +120,7 @@ def merge_objects(labels: Labels, boxes: LabelBoxes, ids: Iterable[int]) -> Labe
         raise ValueError(f"ids must name at least two objects to merge, got {chosen}")
     kept = max(chosen, key=lambda i: (int(boxes.counts[boxes.index(i)]), -i))
     others = [i for i in chosen if i != kept]
-    box = _around(boxes, others)
+    box = boxes.around(others)
     return _relabel(labels, box, np.isin(labels[box], others), kept)
 
 
@@ -142,7 +141,7 @@ def delete_objects(labels: Labels, boxes: LabelBoxes, ids: Iterable[int]) -> Lab
         raise ValueError("ids must name at least one object to delete, got none")
     if len(chosen) == len(boxes.ids):
         raise ValueError("ids must leave at least one object, got all of them")
-    box = _around(boxes, chosen)
+    box = boxes.around(chosen)
     return _relabel(labels, box, np.isin(labels[box], chosen), 0)
 
 
@@ -197,13 +196,6 @@ def _relabel(labels: Labels, box: Box, mask: NDArray[np.bool_], label: int) -> L
     where = np.flatnonzero(mask)
     before = labels[box][mask]
     return LabelEdit(box, where, before, np.full(len(where), label, labels.dtype))
-
-
-def _around(boxes: LabelBoxes, ids: Sequence[int]) -> Box:
-    rows = [boxes.index(i) for i in ids]
-    low, high = boxes.lower[rows].min(axis=0), boxes.upper[rows].max(axis=0)
-    z, y, x = (slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
-    return z, y, x
 
 
 def _label_at(labels: Labels, point: Sequence[int], name: str) -> int:

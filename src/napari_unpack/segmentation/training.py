@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.relabeling import MOST_OBJECTS, compact_labels
-from napari_unpack.segmentation.common.adjacency import touching_area_matrix
+from napari_unpack.segmentation.common.adjacency import find_neighbours
 from napari_unpack.segmentation.common.density_regions import air_offset
 from napari_unpack.segmentation.common.region import Region
 from napari_unpack.segmentation.common.validation import Spacing, checked_labels, checked_spacing
@@ -67,17 +67,16 @@ def merged_pairs(
     compact[labels == 0] = 0
     if len(names) < 2:
         return
-    area = touching_area_matrix(compact, spacing)
-    surface = area.sum(axis=1)
-    touching = area > TOUCHING * np.minimum.outer(surface, surface)
+    near = find_neighbours(compact, spacing)
+    pairs, area = near.pairs()
+    touching = area > TOUCHING * near.surface[pairs].min(axis=1)
     air = air_offset(density, labels)
-    for pair in share.over(np.argwhere(np.triu(touching[1:, 1:], 1)).tolist()):
+    for pair in share.over(pairs[touching].tolist()):
         # Of the volume, all but the box around both would be looked through in vain.
-        low, high = boxes.lower[pair].min(axis=0), boxes.upper[pair].max(axis=0)
-        z, y, x = (slice(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True))
-        part = compact[z, y, x]
-        both = (part == pair[0] + 1) | (part == pair[1] + 1)
-        yield Region.of(both, density, (z, y, x), spacing, air)
+        box = boxes.around(int(names[k - 1]) for k in pair)
+        part = compact[box]
+        both = (part == pair[0]) | (part == pair[1])
+        yield Region.of(both, density, box, spacing, air)
 
 
 class Labelled(Protocol):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.array_source import Box, Source, blocks
-from napari_unpack.segmentation.common.block_jobs import BlockJob, BlockRunner, ThreadRunner
+from napari_unpack.segmentation.common.block_jobs import BlockJob, RunBlocks, run_on_threads
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.foreground.thresholds import MOST_SAMPLES
 from napari_unpack.tasks import SILENT, Share
@@ -80,7 +80,7 @@ def reduced(
     factors: Factors,
     most: int = BLOCK,
     share: Share = SILENT,
-    runner: BlockRunner | None = None,
+    run: RunBlocks = run_on_threads,
 ) -> WorkingGrid:
     """Reduce a volume in one pass, block by block.
 
@@ -93,8 +93,8 @@ def reduced(
     most : int
         Voxels read at once.
     share : Share
-    runner : BlockRunner, optional
-        What works on blocks, by default threads.
+    run : RunBlocks
+        What works on blocks.
 
     Raises
     ------
@@ -109,7 +109,7 @@ def reduced(
     low, high = np.inf, -np.inf
     places = list(blocks(source.shape, factors, most))
     jobs = (BlockJob(reduced_block, box, (box, factors, stride)) for box, _ in places)
-    found = (runner or ThreadRunner()).run(source, jobs, len(places), share)
+    found = run(source, jobs, len(places), share)
     for (box, cells), (part, seen, least, largest) in zip(places, found, strict=True):
         means[cells] = part
         low, high = min(low, least), max(high, largest)

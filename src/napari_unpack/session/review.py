@@ -182,10 +182,8 @@ def _close_by(
     pieces: NDArray[np.int32], labels: NDArray[np.uint16], boxes: LabelBoxes, doubt: Doubt
 ) -> _CloseUp:
     """Find what a close-up shows."""
-    rows = [boxes.index(i) for i in doubt.objects if i]
-    low, high = boxes.lower[rows].min(axis=0), boxes.upper[rows].max(axis=0)
-    around = tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
     one, two = doubt.objects
+    around = boxes.around(i for i in doubt.objects if i)
     first = labels[around] == one
     second = labels[around] == two if two else np.zeros_like(first)
     if doubt.kind == "join":
@@ -210,8 +208,8 @@ def _close_by(
     ends = [np.argwhere(shown == k).mean(axis=0) for k in (1, 2) if (shown == k).any()]
     across = ends[1] - ends[0] if len(ends) == 2 else np.array([0.0, 0.0, 1.0])
     box = tuple(
-        slice(int(a) + w.start, int(a) + w.start + n)
-        for a, w, n in zip(low, window, shown.shape, strict=True)
+        slice(a.start + w.start, a.start + w.start + n)
+        for a, w, n in zip(around, window, shown.shape, strict=True)
     )
     return _CloseUp(box, shown, middle - start, across)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from napari_unpack.geometry.axes import triple
+from napari_unpack.geometry.axes import is_integer, triple
 from napari_unpack.simulation.packing import Packing, Record
 from napari_unpack.simulation.planning import plan, trifle
 from napari_unpack.simulation.projection import ProjectionScanner
@@ -130,13 +131,10 @@ def _table(records: list[Record], labels: NDArray[np.uint16]) -> pd.DataFrame:
     depth = [0]
     for record in records:
         depth.append(depth[record.parent] + 1 if record.parent else 0)
-    total: dict[str, int] = {}
-    for record in records:
-        total[record.name] = total.get(record.name, 0) + 1
-    seen: dict[str, int] = {}
+    total, seen = Counter(record.name for record in records), Counter[str]()
     names = []
     for record in records:
-        seen[record.name] = seen.get(record.name, 0) + 1
+        seen[record.name] += 1
         number = f" {seen[record.name]}" if total[record.name] > 1 else ""
         names.append(record.name.capitalize() + number)
     return pd.DataFrame(
@@ -157,7 +155,7 @@ def _checked(
     seed: int, shape: Sequence[int], count: int, spacing: Sequence[float]
 ) -> tuple[tuple[int, int, int], NDArray[np.float64]]:
     # True is an int to Python, but as a seed it is a slip.
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+    if not is_integer(seed) or seed < 0:
         raise ValueError(f"seed must be a whole number of 0 or more, got {seed!r}")
     size = np.asarray(shape)
     if size.shape != (3,) or size.dtype.kind not in "iu" or (size < SMALLEST_SHAPE).any():
@@ -165,7 +163,7 @@ def _checked(
             f"shape must be three whole numbers (z, y, x) of {SMALLEST_SHAPE} or more, "
             f"got {shape!r}"
         )
-    if isinstance(count, bool) or not isinstance(count, (int, np.integer)):
+    if not is_integer(count):
         raise ValueError(f"count must be a whole number, got {count!r}")
     if not 1 <= count <= MOST_OBJECTS:
         raise ValueError(f"count must be from 1 to {MOST_OBJECTS}, got {count!r}")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.simulation.blueprint import Blueprint, Rotation
 from napari_unpack.simulation.clay import turned
-from napari_unpack.simulation.draping import drape, tailor
+from napari_unpack.simulation.draping import Cloth, Draped, drape, tailor
 from napari_unpack.simulation.nesting import Content, contents, room_of
 from napari_unpack.simulation.nestling import WALL, nestle, surface, walled
 from napari_unpack.simulation.planning import Order
@@ -137,9 +137,8 @@ class Packing:
         # Its place is decided already; the cost is not looked at.
         rest = Rest(*laid.corner, cost=0.0)
         # Both must know of it: `nestle` reads the labels, the next search the stack.
-        self._put(laid.inside, laid.density, rest, len(self.records) + 1)
+        self._put(cloth, laid, rest)
         self.stack.load(Profile.of(laid.inside), rest)
-        self.records.append(Record(cloth.kind, cloth.name, cloth.material, 0, laid.grams))
         return True
 
     def _drop(self, order: Order, rng: np.random.Generator) -> bool:
@@ -149,7 +148,7 @@ class Packing:
         thing = order.kind.build(own, order.length, self.wall)
         # Every way tried costs a raster of the whole thing, so only the two best are.
         for rotation, spot in self._spots(thing, rng)[:2]:
-            raster = self._raster(thing, rotation)
+            raster = rasterize(thing.clay, rotation, self.spacing)
             profile = Profile.of(raster.inside)
             if raster.inside.sum() < FEWEST_VOXELS:
                 return False
@@ -161,9 +160,7 @@ class Packing:
             rest = self.stack.settle(profile, rest)
             rest = nestle(self.labels, surface(raster.inside), rest)
             self.stack.load(profile, rest)
-            parent = len(self.records) + 1
-            self._put(raster.inside, raster.density, rest, parent)
-            self.records.append(Record(thing.kind, thing.name, thing.material, 0, raster.grams))
+            self._put(thing, raster, rest)
             if order.inside and thing.room is not None:
                 self._fill(thing, rotation, raster, rest, order.inside, own)
             return True
@@ -187,8 +184,7 @@ class Packing:
             thing, part, spot = found
             room.load(Profile.of(part.inside), spot)
             place = Rest(rest.z + spot.z, rest.y + spot.y, rest.x + spot.x, 0.0)
-            self._put(part.inside, part.density, place, len(self.records) + 1)
-            self.records.append(Record(thing.kind, thing.name, thing.material, parent, part.grams))
+            self._put(thing, part, place, parent)
 
     def _nook(
         self, content: Content, room: Stack, rng: np.random.Generator
@@ -200,7 +196,7 @@ class Packing:
             for degrees in rng.uniform(0, 360, 3):
                 # At rest as usual, turned about the vertical alone: the room is low.
                 turn = turned("y", float(degrees)) @ thing.rests[0]
-                part = self._raster(thing, turn)
+                part = rasterize(thing.clay, turn, self.spacing)
                 spot = room.best(Profile.of(part.inside))
                 if spot is not None and part.inside.sum() >= FEWEST_VOXELS:
                     found.append((thing, part, spot))
@@ -220,20 +216,18 @@ class Packing:
                 found.append((rotation, spot))
         return sorted(found, key=lambda pair: pair[1].cost)
 
-    def _raster(self, thing: Blueprint, rotation: Rotation) -> Raster:
-        return rasterize(thing.clay, rotation, self.spacing)
-
     def _put(
-        self, inside: NDArray[np.bool_], density: NDArray[np.float32], rest: Rest, label: int
+        self, thing: Blueprint | Cloth, part: Raster | Draped, rest: Rest, parent: int = 0
     ) -> None:
         # The box of a raster is a voxel wider than the thing, and may stick out of the volume.
         first = np.array([rest.z, rest.y, rest.x])
         low = np.maximum(first, 0)
-        high = np.minimum(first + inside.shape, self.labels.shape)
+        high = np.minimum(first + part.inside.shape, self.labels.shape)
         target = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
         source = tuple(slice(a, b) for a, b in zip(low - first, high - first, strict=True))
-        self.labels[target][inside[source]] = label
-        self.density[target] += density[source]
+        self.records.append(Record(thing.kind, thing.name, thing.material, parent, part.grams))
+        self.labels[target][part.inside[source]] = len(self.records)
+        self.density[target] += part.density[source]
 
 
 def _pool(shape: tuple[int, ...]) -> int:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.geometry.boxes import Box, bounding_box
 from napari_unpack.kernels import njit
 from napari_unpack.simulation.clay import (
     CARVE,
@@ -89,7 +90,10 @@ def rasterize(clay: Clay, rotation: NDArray[np.float64], spacing: NDArray[np.flo
     inside = np.zeros(size, np.bool_)
     density = np.zeros(size, np.float32)
     grams = _paint(program, levels, rotation, origin, spacing, VALUES, DENSITIES, inside, density)
-    box = _used(inside)
+    box: Box = (slice(0, None), slice(0, None), slice(0, None))
+    if inside.any():
+        z, y, x = (slice(max(cut.start - 1, 0), cut.stop + 1) for cut in bounding_box(inside))
+        box = z, y, x
     first = np.array([cut.start for cut in box])
     return Raster(
         np.ascontiguousarray(inside[box]),
@@ -122,18 +126,6 @@ def silhouette(
     margin = 0.4 * max(step[0], step[2])
     _march(program, rotation, origin, step, size[1], margin, under, over)
     return Profile(under, over)
-
-
-def _used(inside: NDArray[np.bool_]) -> tuple[slice, slice, slice]:
-    # The box of what is set, a voxel wider; all of it where nothing is.
-    cuts = []
-    for axis in range(3):
-        other = tuple(a for a in range(3) if a != axis)
-        used = np.flatnonzero(inside.any(axis=other))
-        if len(used) == 0:
-            return slice(0, None), slice(0, None), slice(0, None)
-        cuts.append(slice(max(int(used[0]) - 1, 0), int(used[-1]) + 2))
-    return cuts[0], cuts[1], cuts[2]
 
 
 def _fill_levels(

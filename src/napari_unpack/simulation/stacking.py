@@ -94,11 +94,7 @@ class Stack:
 
     def best(self, profile: Profile) -> Rest | None:
         """Return the lowest, fullest resting place of all, or None where it fits nowhere."""
-        z, y, x, cost = _search(
-            self.height, self.ceiling, profile.under, profile.over,
-            0, self.height.shape[0], 0, self.height.shape[1],
-        )  # fmt: skip
-        return None if z < 0 else Rest(z, y, x, cost)
+        return self.near(profile, 0, 0, max(self.height.shape))
 
     def near(self, profile: Profile, z: int, x: int, reach: int) -> Rest | None:
         """Return the best resting place within `reach` columns of (z, x).

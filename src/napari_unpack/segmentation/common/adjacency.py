@@ -53,6 +53,13 @@ class Neighbours:
         best[touched > 0] = self.other[order][self.start[1:][touched > 0] - 1]
         return best
 
+    def pairs(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Return every two that touch, (P, 2), rising, and over which area, (P,)."""
+        ends = np.stack([np.repeat(np.arange(len(self.voxels)), np.diff(self.start)), self.other])
+        # Both directions are there.
+        once = ends[0] < ends[1]
+        return ends[:, once].T, self.area[once]
+
     def touched(self, one: int, two: int) -> float:
         """Return the area over which two labels touch, mm^2.
 
@@ -92,45 +99,6 @@ def find_neighbours(labels: NDArray[np.int32], spacing: Spacing) -> Neighbours:
     order = np.lexsort((others, ends))
     start = np.concatenate([[0], np.cumsum(np.bincount(ends, minlength=count))])
     return Neighbours(start, others[order], np.tile(area, 2)[order], surface, voxels)
-
-
-def touching_area_matrix(labels: NDArray[np.int32], spacing: Spacing) -> NDArray[np.float64]:
-    """Measure the touching areas of few labels; memory is quadratic in them.
-
-    Parameters
-    ----------
-    labels : (Z, Y, X) ndarray of int32
-        0 is background.
-    spacing : (float, float, float) of mm, z y x
-
-    Returns
-    -------
-    (M, M) ndarray of float64
-        mm^2, symmetric; row and column 0 are background, including the volume's border.
-    """
-    found = find_neighbours(labels, spacing)
-    count = len(found.voxels)
-    area = np.zeros((count, count))
-    area[np.repeat(np.arange(count), np.diff(found.start)), found.other] = found.area
-    # What of a surface touches no label, background touches.
-    area[0] = area[:, 0] = found.surface - area.sum(axis=1)
-    return area
-
-
-def join_rows(table: NDArray[np.float64], one: int, two: int) -> None:
-    """Add what a symmetric table has of part `two` to part `one`, in place.
-
-    Parameters
-    ----------
-    table : (M, M, ...) ndarray of float64
-    one, two : int
-    """
-    table[one] += table[two]
-    table[:, one] += table[:, two]
-    table[two] = 0
-    table[:, two] = 0
-    # What both had in common lies inside now.
-    table[one, one] = 0
 
 
 @njit(cache=True, nogil=True)

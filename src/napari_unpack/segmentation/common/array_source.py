@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from napari_unpack.geometry.boxes import Box as Box
 from napari_unpack.segmentation.common.validation import (
     block_dtype,
     checked_form,
@@ -17,8 +18,6 @@ from napari_unpack.segmentation.common.validation import (
     without_infinities,
     without_padding,
 )
-
-Box = tuple[slice, slice, slice]
 
 # Cells; what is read twice, at the faces of a slab, is little beside them.
 THINNEST_SLAB = 8

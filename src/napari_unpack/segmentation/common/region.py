@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.geometry.boxes import Box, bounding_box
+from napari_unpack.segmentation.common.array_source import within
 from napari_unpack.segmentation.common.validation import Spacing
-
-Box = tuple[slice, slice, slice]
 
 # Fewer show no shape, so that neither the oracle nor a classifier can say anything of them.
 MIN_OBJECT_VOXELS = 100
@@ -137,17 +137,6 @@ class Region:
 Oracle = Callable[[Region], float]
 
 
-def bounding_box(mask: NDArray[np.bool_]) -> Box:
-    """Return the slices of the smallest box around a mask with at least one voxel."""
-    slices = []
-    for axis in range(3):
-        others = tuple(a for a in range(3) if a != axis)
-        hit = np.flatnonzero(mask.any(axis=others))
-        # Three projections, not argwhere: memory stays that of the mask.
-        slices.append(slice(int(hit[0]), int(hit[-1]) + 1))
-    return slices[0], slices[1], slices[2]
-
-
 def united(one: Region, two: Region, density: NDArray[np.generic]) -> Region:
     """Return the region of the voxels of two.
 
@@ -160,9 +149,8 @@ def united(one: Region, two: Region, density: NDArray[np.generic]) -> Region:
     low = np.minimum(one.origin, two.origin).tolist()
     ends = [np.add(region.origin, region.mask.shape) for region in (one, two)]
     high = np.maximum(*ends).tolist()
+    box = slice(low[0], high[0]), slice(low[1], high[1]), slice(low[2], high[2])
     mask = np.zeros(np.subtract(high, low), np.bool_)
     for region in (one, two):
-        a, b, c = (slice(s.start - o, s.stop - o) for s, o in zip(region.box, low, strict=True))
-        mask[a, b, c] |= region.mask
-    box = slice(low[0], high[0]), slice(low[1], high[1]), slice(low[2], high[2])
+        mask[within(region.box, box)] |= region.mask
     return Region.of(mask, density, box, one.spacing, one.air)

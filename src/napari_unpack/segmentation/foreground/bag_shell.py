@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.kernels import njit
+from napari_unpack.segmentation.common.density_regions import label_means
 from napari_unpack.segmentation.common.depths import label_depths
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.tasks import SILENT, Share
@@ -61,9 +62,8 @@ def find_shell(
     share(0.2)
     depth = label_depths(labels, spacing)
     share(0.7)
-    depths = np.bincount(labels.reshape(-1), depth.reshape(-1), top + 1)[boxes.ids]
     # A plate of thickness t has mean depth t / 4.
-    thin = 4 * depths / boxes.counts <= SKIN_THICKNESS
+    thin = 4 * label_means(labels, depth)[boxes.ids] <= SKIN_THICKNESS
     first = outer[boxes.ids] / boxes.counts
     skin = wide & thin & (first >= OUTERMOST)
     if skin.any() and len(boxes.ids) - int(skin.sum()) >= FEWEST:

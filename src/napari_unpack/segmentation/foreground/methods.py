@@ -61,6 +61,21 @@ class ForegroundOptions:
     known: KnownScale | None = None
     found: tuple[NDArray[np.bool_], Levels] | None = field(default=None, compare=False, repr=False)
 
+    def find(
+        self, density: NDArray[np.generic], spacing: Spacing, share: Share
+    ) -> tuple[NDArray[np.bool_], Levels]:
+        """Return what was found, or find it; see `find_foreground`.
+
+        Parameters
+        ----------
+        density, spacing, share
+            As for `find_foreground`.
+        """
+        if self.found is not None:
+            return self.found
+        begun = share.part(0.0, 1.0, "Finding the foreground")
+        return find_foreground(density, spacing, self.method, begun, self.known)
+
 
 def checked_foreground(method: str | float) -> str | float:
     """Return a method of finding the foreground, or say what is wrong with it.

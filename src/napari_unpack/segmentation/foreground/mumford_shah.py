@@ -16,7 +16,7 @@ from scipy.ndimage import binary_dilation, uniform_filter
 
 from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.validation import Spacing
-from napari_unpack.segmentation.foreground.thresholds import Levels
+from napari_unpack.segmentation.foreground.thresholds import Levels, median_step
 from napari_unpack.tasks import SILENT, Share
 
 
@@ -130,6 +130,12 @@ Mask = NDArray[np.bool_]
 Field = NDArray[np.float32]
 
 
+# Over which the fields may change, in edges of the voxels of the finest grid.
+LENGTH = 6.0
+# Of a face of the finest grid between foreground and air.
+PRICE = 0.05
+
+
 @dataclass(frozen=True)
 class Weights:
     """What the energy weighs, for one grid.
@@ -146,13 +152,13 @@ class Weights:
         By axis, the area of a face: 1 where voxels are cubes.
     """
 
-    smoothness: float = 36.0
-    boundary: float = 0.05
+    smoothness: float
+    boundary: float
     squeeze: tuple[float, float, float] = (1.0, 1.0, 1.0)
     faces: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
     @classmethod
-    def of(cls, spacing: Spacing, unit: float, length: float = 6.0, price: float = 0.05) -> Weights:
+    def of(cls, spacing: Spacing, unit: float) -> Weights:
         """Return the weights of a grid.
 
         Parameters
@@ -161,15 +167,11 @@ class Weights:
             Of this grid.
         unit : float
             Edge of the voxels of the finest grid, mm.
-        length : float
-            Over which the fields may change, in `unit`.
-        price : float
-            Of a face of the finest grid.
         """
         edge = float(np.cbrt(np.prod(spacing)))
         squeeze = tuple((edge / s) ** 2 for s in spacing)
         faces = tuple(edge / s for s in spacing)
-        return cls((length * unit / edge) ** 2, price * unit / edge, squeeze, faces)  # type: ignore[arg-type]
+        return cls((LENGTH * unit / edge) ** 2, PRICE * unit / edge, squeeze, faces)  # type: ignore[arg-type]
 
 
 def mumford_shah(
@@ -237,9 +239,7 @@ def _squeezed(density: NDArray[Any], levels: Levels) -> Field:
     thin = slice(None, None, max(1, int(np.cbrt(density.size / 500_000))))
     sample = density[thin, thin].astype(np.float64)
     known = sample[np.isfinite(sample)]
-    steps = np.diff(sample, axis=2)
-    steps = np.abs(steps[np.isfinite(steps)])
-    noise = float(np.median(steps)) / 0.954 if len(steps) else 0.0
+    noise = median_step(sample) / 0.954
     air = min(levels.air, float(np.quantile(known, 0.005)))
     unit = max(levels.high - levels.air, 6 * noise)
     dense = known[known > air + unit]
@@ -394,8 +394,8 @@ def relax(
     close: float = 0.005,
     sweeps: int = 100,
     share: Share = SILENT,
-) -> int:
-    """Make a field fit the data of its side and be smooth; return the sweeps made.
+) -> None:
+    """Make a field fit the data of its side and be smooth.
 
     Parameters
     ----------
@@ -419,12 +419,10 @@ def relax(
     # raises the energy.
     squeeze = np.array(weights.squeeze, np.float32) * np.float32(weights.smoothness)
     where = np.flatnonzero(active)
-    made, largest = 0, np.inf
-    while made < sweeps and largest > close:
-        share(made / sweeps)
-        largest = max(_sweep(data, side, field, squeeze, where, color) for color in (0, 1))
-        made += 1
-    return made
+    for n in range(sweeps):
+        share(n / sweeps)
+        if max(_sweep(data, side, field, squeeze, where, color) for color in (0, 1)) <= close:
+            break
 
 
 def energy(

@@ -75,10 +75,8 @@ class PreparedRegion:
         return max(1, int(np.ceil(self.smallest / float(np.prod(self.coarse.spacing)))))
 
 
-# Its source, the parts of the blocks, and where borders settle (see `carried_back`).
-Proposal = tuple[str, NDArray[np.int32], NDArray[np.float32] | None]
-
-Proposals = Iterator[Proposal]
+# Its source, and the parts of the blocks.
+Proposals = Iterator[tuple[str, NDArray[np.int32]]]
 
 
 def _largest_steps(values: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -122,11 +120,11 @@ def density_candidates(prepared: PreparedRegion) -> Proposals:
             kinds = np.where(inner, np.digitize(smooth, levels) + 1, 0).astype(np.int32)
             sides = _grown(kinds, small.mask, prepared.fewest // 2, settle)
             if sides.max() > 1:
-                yield "materials", sides, None
+                yield "materials", sides
     calm = inner & (slope < np.quantile(slope[inner], 0.4))
     sides = _grown(calm.astype(np.int32), small.mask, max(prepared.fewest // 4, 8), settle)
     if 1 < sides.max() <= 12:
-        yield "basins", sides, None
+        yield "basins", sides
 
 
 def _grown(
@@ -162,10 +160,22 @@ def lattice_candidates(prepared: PreparedRegion) -> Proposals:
         ground = np.array([int(np.argmax(np.square(apart).sum(axis=1)))])
         potential = lattice.potential(ground, np.zeros(1), 1.0, 1e-3, 500)
         order, cut = lattice.sweep(potential, weighted=density is not None)
-        ratio = isoperimetric_ratio(cut, lattice.voxel)
-        last = len(order) - prepared.fewest
-        for k in significant_minima(ratio, prepared.fewest, last, 1.1, LATTICE_CUTS):
-            yield source, two_sides(lattice.where[order], k, small.mask.shape), None
+        for sides in _lowest_cuts(prepared, lattice.where[order], cut, LATTICE_CUTS):
+            yield source, sides
+
+
+# Factor by which the ratio rises between two minima that both count.
+SIGNIFICANT_RISE = 1.1
+
+
+def _lowest_cuts(
+    prepared: PreparedRegion, order: NDArray[np.int64], cut: NDArray[np.float64], most: int
+) -> Iterator[NDArray[np.int32]]:
+    """Yield both sides at the significant minima of the ratio of a sweep."""
+    small, last = prepared.coarse, len(order) - prepared.fewest
+    ratio = isoperimetric_ratio(cut, float(np.prod(small.spacing)))
+    for k in significant_minima(ratio, prepared.fewest, last, SIGNIFICANT_RISE, most):
+        yield two_sides(order, k, small.mask.shape)
 
 
 # Half thicknesses that count as thin, against the largest depth.
@@ -189,7 +199,7 @@ def sheet_candidates(prepared: PreparedRegion) -> Proposals:
         thin = small.mask & (away > half + max(small.spacing))
         sides = _with_sheets(core, thin, small.mask, small.spacing, half, prepared.fewest)
         if sides is not None:
-            yield "sheet", sides, None
+            yield "sheet", sides
 
 
 def _with_sheets(
@@ -237,9 +247,6 @@ def _slab(
     return inside
 
 
-# Factor by which the ratio rises between two minima that both count.
-SIGNIFICANT_RISE = 1.1
-
 CUTS_OF_EACH_TREE = 3
 
 
@@ -254,11 +261,8 @@ def tree_candidates(prepared: PreparedRegion) -> Proposals:
     small = prepared.coarse
     for source, depth, conductance in _fields(prepared):
         sweep = tree_sweep(small.mask, depth, small.spacing, conductance)
-        last = len(sweep.order) - prepared.fewest
-        for k in significant_minima(
-            sweep.ratio, prepared.fewest, last, SIGNIFICANT_RISE, CUTS_OF_EACH_TREE
-        ):
-            yield source, two_sides(sweep.order, k, small.mask.shape), None
+        for sides in _lowest_cuts(prepared, *sweep, CUTS_OF_EACH_TREE):
+            yield source, sides
 
 
 def _fields(prepared: PreparedRegion) -> Iterator[tuple[str, NDArray[np.float32], str]]:

@@ -40,6 +40,8 @@ SOURCES: tuple[Callable[[PreparedRegion], Proposals], ...] = (
 SAME = 0.97
 # Larger regions are cut on a reduced copy: the candidates of so many take some seconds.
 MOST_VOXELS = 1_000_000
+# Cuts into more are not proposed.
+MOST_PARTS = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +63,7 @@ class Candidate:
     source: str
 
 
-def candidate_cuts(
-    region: Region, smallest: float, most_parts: int = 5, share: Share = SILENT
-) -> list[Candidate]:
+def candidate_cuts(region: Region, smallest: float, share: Share = SILENT) -> list[Candidate]:
     """Propose cuts of a region from every source.
 
     Parameters
@@ -72,8 +72,6 @@ def candidate_cuts(
         6-connected.
     smallest : float
         No part is smaller than this, mm^3.
-    most_parts : int
-        Cuts into more are not proposed.
     share : Share
 
     Returns
@@ -87,22 +85,22 @@ def candidate_cuts(
     if region.volume < 2 * smallest or region.voxels < 16:
         return []
     if region.voxels > MOST_VOXELS:
-        return _reduced_candidates(region, smallest, most_parts, share)
+        return _reduced_candidates(region, smallest, share)
     piece = PreparedRegion.of(region, smallest)
     fewest = max(int(smallest / region.voxel_volume), 1)
     areas = region.voxel_volume / np.array(region.spacing)
     found: list[Candidate] = []
     blocks: list[NDArray[np.int32]] = []
     for source in share.over(SOURCES):
-        for name, sides, edges in source(piece):
+        for name, sides in source(piece):
             # Some twelve are proposed.
             share(min(len(blocks) / 12, 1.0))
             if any(_alike(sides, other) for other in blocks):
                 continue
             blocks.append(sides)
-            parts = carried_back(sides, piece.coarse.factor, region.mask, piece.depth, edges)
+            parts = carried_back(sides, piece.coarse.factor, region.mask, piece.depth)
             parts = _connected_parts(parts, fewest)
-            if 2 <= parts.max() <= most_parts:
+            if 2 <= parts.max() <= MOST_PARTS:
                 found.append(Candidate(parts, _ratio(parts, areas, region.voxel_volume), name))
     kept: list[Candidate] = []
     for candidate in sorted(found, key=lambda c: c.ratio):
@@ -121,16 +119,14 @@ def _connected_parts(parts: NDArray[np.int32], smallest: int) -> NDArray[np.int3
     return seeds if large[1:].all() else flood(seeds, parts > 0)
 
 
-def _reduced_candidates(
-    region: Region, smallest: float, most_parts: int, share: Share
-) -> list[Candidate]:
+def _reduced_candidates(region: Region, smallest: float, share: Share) -> list[Candidate]:
     """Search on a copy of at most a million voxels, and carry its candidates back."""
     depth = chamfer_depth(region.mask, region.spacing)
     small = coarsened(region.mask, depth, region.density, region.spacing, MOST_VOXELS)
     copy = Region(small.mask, small.density, (0, 0, 0), small.spacing)
     fewest = max(int(smallest / region.voxel_volume), 1)
     found = []
-    candidates = candidate_cuts(copy, smallest, most_parts, share.part(0.0, 0.6))
+    candidates = candidate_cuts(copy, smallest, share.part(0.0, 0.6))
     for candidate in share.part(0.6, 1.0).over(candidates):
         parts = carried_back(candidate.parts, small.factor, region.mask, depth)
         parts = _connected_parts(parts, fewest)

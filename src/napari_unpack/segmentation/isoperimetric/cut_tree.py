@@ -15,7 +15,7 @@ import numpy as np
 
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS, Oracle, Region
 from napari_unpack.segmentation.isoperimetric.candidates import candidate_cuts
-from napari_unpack.tasks import SILENT, Progress, Share, no_progress
+from napari_unpack.tasks import SILENT, Share
 
 
 @dataclass(frozen=True)
@@ -71,19 +71,16 @@ class Node:
         Empty where it stays whole.
     compactness : float
         Of the cut, see `CutRule`.
-    source : str
-        Which source proposed the cut; empty where there is none.
     """
 
     region: Region
     confidence: float
     parts: tuple[Node, ...] = ()
     compactness: float = 0.0
-    source: str = ""
 
 
 def split_recursively(
-    regions: list[Region], oracle: Oracle, smallest: float, progress: Progress | None = None
+    regions: list[Region], oracle: Oracle, smallest: float, share: Share = SILENT
 ) -> list[Region]:
     """Split regions into what the oracle takes for single objects, in a fixed order.
 
@@ -95,13 +92,11 @@ def split_recursively(
         Confidence in [0, 1] that a region is exactly one object.
     smallest : float
         No part is smaller, mm^3.
-    progress : callable, optional
-        Called before every proposal with the fraction of voxels seen; raising in it cancels.
+    share : Share
     """
     # The share of voxels seen is the progress; trees differ too much for more.
     total = max(sum(region.voxels for region in regions), 1)
-    seen, share = 0, Share(progress or no_progress)
-    trees = []
+    seen, trees = 0, []
     for region in regions:
         part = share.part(seen / total, (seen + region.voxels) / total, "Splitting")
         trees.append(grow_cut_tree(region, oracle, smallest, part))
@@ -143,7 +138,7 @@ def grow_cut_tree(
     if sure >= SURE_OF_ONE_OBJECT or depth >= DEEPEST_CUT:
         return Node(region, sure)
     text = f"Splitting: {region.voxels} voxels"
-    best: tuple[float, list[Region], list[float], float, str] | None = None
+    best: tuple[float, list[Region], list[float], float] | None = None
     candidates = candidate_cuts(
         region,
         max(smallest, MIN_OBJECT_VOXELS * region.voxel_volume / 2),
@@ -156,7 +151,7 @@ def grow_cut_tree(
         value = float(np.average(scores, weights=volumes))
         if best is None or value > best[0]:
             small = sum(volumes) - max(volumes)
-            best = (value, parts, scores, candidate.ratio * small ** (1 / 3), candidate.source)
+            best = (value, parts, scores, candidate.ratio * small ** (1 / 3))
     if best is None or best[0] < max(
         sure - MOST_CONFIDENCE_LOST, LEAST_CONFIDENCE_BELOW_FIRST_CUT if depth else 0.0
     ):
@@ -167,7 +162,7 @@ def grow_cut_tree(
         below = share.part(seen, min(ended, 1.0), text)
         nodes.append(grow_cut_tree(part, oracle, smallest, below, depth + 1, score))
         seen = ended
-    return Node(region, sure, tuple(nodes), best[3], best[4])
+    return Node(region, sure, tuple(nodes), best[3])
 
 
 def selected(node: Node, rule: CutRule) -> list[Node]:

@@ -8,8 +8,6 @@ quality, segmentation of large volumes: isoperimetric distance trees", ECCV 2006
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,30 +18,6 @@ from napari_unpack.segmentation.common.validation import Spacing
 
 # Depths of a tree's edges are told apart to a quarter of the smallest voxel edge.
 LEVELS_PER_VOXEL = 4
-
-
-@dataclass(frozen=True, eq=False)
-class TreeSweep:
-    """A shape's voxels in the order of their potential, and the cut of every prefix.
-
-    Parameters
-    ----------
-    order : (N,) ndarray of int64
-        Flat indices into the mask, by ascending potential; the first is the ground.
-    cut : (N,) ndarray of float64
-        Area in mm^2 of the lattice faces between the first k + 1 voxels and the others.
-    voxel : float
-        Volume of a voxel, mm^3.
-    """
-
-    order: NDArray[np.int64]
-    cut: NDArray[np.float64]
-    voxel: float
-
-    @property
-    def ratio(self) -> NDArray[np.float64]:
-        """Return the isoperimetric ratio cut / min(volume, rest) of every prefix, 1/mm."""
-        return isoperimetric_ratio(self.cut, self.voxel)
 
 
 def isoperimetric_ratio(cut: NDArray[np.float64], voxel: float) -> NDArray[np.float64]:
@@ -83,7 +57,7 @@ def tree_sweep(
     distance: NDArray[np.floating],
     spacing: Spacing,
     conductance: str = "unit",
-) -> TreeSweep:
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Grow the distance tree of a connected shape and sweep its potential.
 
     Parameters
@@ -95,6 +69,13 @@ def tree_sweep(
     spacing : (float, float, float) of mm, z y x
     conductance : {"unit", "distance"}
         Of the tree's edges when the potential is solved.
+
+    Returns
+    -------
+    order : (N,) ndarray of int64
+        Flat indices into the mask, by ascending potential; the first is the ground.
+    cut : (N,) ndarray of float64
+        Area in mm^2 of the lattice faces between the first k + 1 voxels and the others.
 
     Notes
     -----
@@ -115,8 +96,7 @@ def tree_sweep(
     potential = _potential(order, parent, depth, conductance == "distance")
     ranked = order[np.argsort(potential[order], kind="stable")]
     faces = np.prod(spacing) / np.array(spacing)
-    cut = _cuts(index, position, strides, ranked, faces)
-    return TreeSweep(where[ranked], cut, float(np.prod(spacing)))
+    return where[ranked], _cuts(index, position, strides, ranked, faces)
 
 
 @njit(cache=True, nogil=True)

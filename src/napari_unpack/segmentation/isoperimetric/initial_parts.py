@@ -12,14 +12,10 @@ from napari_unpack.segmentation.common.density_regions import DensityScale, dens
 from napari_unpack.segmentation.common.region import Oracle, Region
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.foreground.bag_shell import find_shell
-from napari_unpack.segmentation.foreground.methods import (
-    ForegroundOptions,
-    find_foreground,
-    typical_knee,
-)
+from napari_unpack.segmentation.foreground.methods import ForegroundOptions, typical_knee
 from napari_unpack.segmentation.foreground.scanner_table import find_supports, measured_section
 from napari_unpack.segmentation.isoperimetric.cut_tree import split_recursively
-from napari_unpack.tasks import Progress, Share
+from napari_unpack.tasks import Share
 
 
 @dataclass(frozen=True)
@@ -38,12 +34,12 @@ class SplitRule:
 def split_parts(
     density: NDArray[np.generic],
     spacing: Spacing,
-    progress: Progress,
+    share: Share,
     oracle: Oracle,
     foreground: ForegroundOptions,
     smallest: float,
-    step: float = 0.11,
-    rule: SplitRule | None = None,
+    step: float,
+    rule: SplitRule,
 ) -> tuple[NDArray[np.int32], DensityScale]:
     """Split a volume: foreground, density regions, recursive cuts.
 
@@ -51,7 +47,7 @@ def split_parts(
     ----------
     density : (Z, Y, X) ndarray
     spacing : (float, float, float) of mm, z y x
-    progress : callable
+    share : Share
     oracle : callable
         Confidence in [0, 1] that a region is exactly one object.
     foreground : ForegroundOptions
@@ -59,7 +55,7 @@ def split_parts(
         Of an object, mm^3: a component below it is left out.
     step : float
         Log density step between two density regions.
-    rule : SplitRule, optional
+    rule : SplitRule
 
     Returns
     -------
@@ -68,14 +64,8 @@ def split_parts(
     scale : DensityScale
         How densities were compared.
     """
-    limits = rule or SplitRule()
-    share = Share(progress)
     known = foreground.known
-    if foreground.found is None:
-        begun = share.part(0.0, 0.1, "Finding the foreground")
-        mask, levels = find_foreground(density, spacing, foreground.method, begun, known)
-    else:
-        mask, levels = foreground.found
+    mask, levels = foreground.find(density, spacing, share.part(0.0, 0.1))
     section = measured_section(density) if known is None else None
     if section is not None:
         # Beyond the scanner's circle nothing was measured, though the file has numbers there.
@@ -83,13 +73,13 @@ def split_parts(
     if foreground.supports:
         mask = mask & ~find_supports(mask, spacing)
     dividing = share.part(0.1, 0.25, "Finding density regions")
-    fewest = max(int(limits.smallest / float(np.prod(spacing))), 1)
+    fewest = max(int(rule.smallest / float(np.prod(spacing))), 1)
     knee = typical_knee(density, mask, levels.air) if known is None else known.knee
     scale = DensityScale(levels.air, knee, step)
     regions = density_regions(density, mask, scale, fewest, share=dividing)
     share(0.25, "Finding components")
     components = _components(regions, density, spacing, smallest)
-    found = split_recursively(components, oracle, limits.smallest, share.part(0.3, 0.9))
+    found = split_recursively(components, oracle, rule.smallest, share.part(0.3, 0.9))
     parts = _label(found, density.shape)
     if foreground.shell:
         # After the cuts: the shell touches most objects, and before them it is one with these.

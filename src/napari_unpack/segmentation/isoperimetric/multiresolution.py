@@ -81,7 +81,6 @@ def carried_back(
     factor: int,
     mask: NDArray[np.bool_],
     depth: NDArray[np.float32],
-    edges: NDArray[np.float32] | None = None,
 ) -> NDArray[np.int32]:
     """Bring parts from blocks to all voxels of a mask that they reach through faces.
 
@@ -95,27 +94,18 @@ def carried_back(
         The region.
     depth : (Z, Y, X) ndarray of float32
         Distance to the outside, mm: borders settle where it is small.
-    edges : (Z, Y, X) ndarray of float32, optional
-        In [0, 1]: borders settle where it is large, rather than by depth.
     """
     # A band of one block on both sides of every border is forgotten and flooded again at full
     # resolution.
-    full = sides
+    a, b, c = mask.shape
+    full = sides.repeat(factor, axis=0).repeat(factor, axis=1).repeat(factor, axis=2)
+    full = np.where(mask, full[:a, :b, :c], 0).astype(np.int32, copy=False)
     if factor > 1:
-        for axis in range(3):
-            full = full.repeat(factor, axis=axis)
-        a, b, c = mask.shape
-        full = full[:a, :b, :c]
-    full = np.where(mask, full, 0).astype(np.int32, copy=False)
-    if factor > 1 or edges is not None:
         forgotten = np.where(_border(full, factor), 0, full).astype(np.int32, copy=False)
         # A part thinner than the band would be lost with it.
         present = np.bincount(forgotten.reshape(-1), minlength=int(full.max()) + 1) > 0
         full = np.where(present[full], forgotten, full)
     height = 1 - depth / max(float(depth.max()), 1e-6)
-    if edges is not None:
-        # Density steps say more of where two objects meet than depth does.
-        height = 0.3 * height + 0.7 * edges
     return flood(full, mask, np.clip(255 * height, 0, 255).astype(np.uint8))
 
 

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.boxes import label_boxes
-from napari_unpack.segmentation.common.adjacency import join_rows, touching_area_matrix
+from napari_unpack.segmentation.common.adjacency import find_neighbours
+from napari_unpack.segmentation.common.pair_sums import PairSums
 from napari_unpack.segmentation.common.region import Oracle, Region, united
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.isoperimetric.cut_tree import (
@@ -16,7 +17,7 @@ from napari_unpack.segmentation.isoperimetric.cut_tree import (
     mean_confidence,
     selected,
 )
-from napari_unpack.tasks import Progress, Share, no_progress
+from napari_unpack.tasks import SILENT, Share
 
 # Parts that touch over a smaller share of the lesser surface are not merged.
 TOUCHING = 0.05
@@ -28,7 +29,7 @@ def join_touching(
     spacing: Spacing,
     oracle: Oracle,
     margin: float = 0.0,
-    progress: Progress | None = None,
+    share: Share = SILENT,
 ) -> NDArray[np.int32]:
     """Merge touching parts whose union the oracle prefers; return labels in any order.
 
@@ -42,8 +43,7 @@ def join_touching(
         Confidence of a region.
     margin : float
         A union's confidence exceeds the mean of its parts', by volume, by this.
-    progress : callable, optional
-        Called with (fraction, text) before every rating and merge; raising in it cancels.
+    share : Share
     """
     # `grow_cut_tree` turned round: two of the five pieces of a suitcase are no better an object
     # than one, so that a rule which asks a gain of every merge would leave all five apart. The
@@ -51,12 +51,9 @@ def join_touching(
     # are rated anew, and from the tree of merges `selected` then takes those unions of higher
     # confidence than the best of what they are made of. This undoes premature cuts, and merges
     # shell and content of a container where the oracle prefers it.
-    share = Share(progress or no_progress)
-    boxes = label_boxes(labels)
-    inner = touching_area_matrix(labels, spacing)
-    surface = inner.sum(axis=1)
-    # Background counts as surface above, and is nothing to merge with.
-    inner[0] = inner[:, 0] = 0
+    boxes, near = label_boxes(labels), find_neighbours(labels, spacing)
+    pairs, area = near.pairs()
+    contacts, surface = PairSums(len(near.surface), pairs, area[:, None]), near.surface
     nodes: dict[int, Node] = {}
     for name in share.part(0.0, 0.2).over(boxes.ids.tolist()):
         box = boxes.slices(name)
@@ -67,8 +64,9 @@ def join_touching(
 
     def gains(share: Share) -> list[tuple[float, int, int]]:
         found = []
-        near = inner > TOUCHING * np.minimum.outer(surface, surface)
-        for one, two in share.over(np.argwhere(np.triu(near, 1)).tolist()):
+        pairs, area = contacts.pairs(0)
+        touching = area > TOUCHING * surface[pairs].min(axis=1)
+        for one, two in share.over(pairs[touching].tolist()):
             parts = nodes[one], nodes[two]
             if (one, two) not in unions:
                 both = united(parts[0].region, parts[1].region, density)
@@ -86,8 +84,8 @@ def join_touching(
         _, one, two = waiting[0]
         nodes[one] = unions[one, two]
         del nodes[two]
-        surface[one] += surface[two] - 2 * inner[one, two]
-        join_rows(inner, one, two)
+        surface[one] += surface[two] - 2 * contacts.between(one, two)[0]
+        contacts.join(one, two)
         # Only unions with what has just changed must be rated again.
         unions = {pair: u for pair, u in unions.items() if not {one, two} & set(pair)}
     out = np.zeros_like(labels)

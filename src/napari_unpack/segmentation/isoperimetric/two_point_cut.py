@@ -9,8 +9,8 @@ import edt
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from napari_unpack.geometry.boxes import bounding_box
 from napari_unpack.segmentation.common.flooding import flood
-from napari_unpack.segmentation.common.region import bounding_box
 from napari_unpack.segmentation.common.validation import Spacing, checked_spacing
 from napari_unpack.segmentation.isoperimetric.distance_tree import isoperimetric_ratio, two_sides
 from napari_unpack.segmentation.isoperimetric.lattice import Lattice

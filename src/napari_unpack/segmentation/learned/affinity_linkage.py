@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 
 from napari_unpack.segmentation.common.joins import JoinLog
 from napari_unpack.segmentation.common.merging import roots
-from napari_unpack.segmentation.learned.fragments import FragmentAffinities
+from napari_unpack.segmentation.learned.fragments import REACH_WEIGHTS, FragmentAffinities
 
 # How the excess of a mean affinity over its threshold becomes a probability; see `chance_of`.
 CHANCE = (12.0, 1.0)
+# Bounds of thresholds.
+LOWEST, HIGHEST = 0.05, 0.6
 
 
 @dataclass(frozen=True)
@@ -27,26 +29,21 @@ class LinkageThreshold:
         Where the smaller has 1000 cells.
     slope : float
         More of it for every ten times as many; not negative.
-    lowest, highest : float
-        Bounds.
     """
 
     usual: float = 0.25
     slope: float = 0.15
-    lowest: float = 0.05
-    highest: float = 0.6
 
     def at(self, cells: float) -> float:
         """Return the threshold for a pair whose smaller has so many cells."""
         wanted = self.usual + self.slope * math.log10(max(cells, 1.0) / 1000)
-        return min(max(wanted, self.lowest), self.highest)
+        return min(max(wanted, LOWEST), HIGHEST)
 
 
 def mean_affinity_linkage(
     affinities: FragmentAffinities,
     sizes: NDArray[np.integer],
     threshold: LinkageThreshold,
-    weights: NDArray[np.float64],
     log: JoinLog | None = None,
 ) -> NDArray[np.int64]:
     """Merge the pair that exceeds the threshold by most, again and again; return (count,) owners.
@@ -57,8 +54,6 @@ def mean_affinity_linkage(
     sizes : (count,) ndarray of int
         Cells of every fragment.
     threshold : LinkageThreshold
-    weights : (K,) ndarray of float64
-        Of the reaches in the mean.
     log : JoinLog, optional
         Where merges are noted.
 
@@ -87,8 +82,8 @@ def mean_affinity_linkage(
 
     rows = zip(
         affinities.pairs.tolist(),
-        (affinities.sums @ weights).tolist(),
-        (affinities.counts @ weights).tolist(),
+        (affinities.sums @ REACH_WEIGHTS).tolist(),
+        (affinities.counts @ REACH_WEIGHTS).tolist(),
         affinities.touching.tolist(),
         strict=True,
     )

@@ -13,6 +13,9 @@ from napari_unpack.segmentation.common.flooding import flood
 from napari_unpack.segmentation.learned.boundary_network import REACHES
 from napari_unpack.tasks import SILENT, Share
 
+# Of pairs of cells in a mean over all, by reach.
+REACH_WEIGHTS = np.array([1.0, 2.0, 2.0, 2.0])
+
 
 @dataclass(frozen=True, eq=False)
 class FragmentAffinities:

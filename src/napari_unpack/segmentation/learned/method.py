@@ -7,7 +7,8 @@ borders are drawn, each decided by a trained classifier.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import cc3d
 import numpy as np
@@ -26,18 +27,14 @@ from napari_unpack.segmentation.common.merging import absorb_small
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.foreground.bag_shell import drop_skin, find_case, find_shell
-from napari_unpack.segmentation.foreground.methods import (
-    ForegroundOptions,
-    find_foreground,
-    typical_knee,
-)
+from napari_unpack.segmentation.foreground.methods import ForegroundOptions, typical_knee
 from napari_unpack.segmentation.foreground.scanner_table import (
     SUPPORT_RIM,
     find_supports,
     measured_section,
 )
 from napari_unpack.segmentation.foreground.streaks import find_streaks
-from napari_unpack.segmentation.foreground.thresholds import Levels
+from napari_unpack.segmentation.foreground.thresholds import Levels, median_step
 from napari_unpack.segmentation.learned.affinity_linkage import (
     LinkageThreshold,
     mean_affinity_linkage,
@@ -74,35 +71,15 @@ LEAST_DEPTH_OF_MISSED = 4.0
 # An object rises from air by so many deviations of the noise in this share of its voxels at
 # least; a cloud of specks, or noise itself, does not.
 NOISE_DEVIATIONS, PLAIN_SHARE = 2.0, 0.15
-
-
-@dataclass(frozen=True)
-class PredictionThresholds:
-    """Probabilities from which the network's prediction counts.
-
-    Parameters
-    ----------
-    foreground : float
-        Of a voxel to be an object's.
-    dense : float
-        The same for a voxel above the foreground level: thin walls of containers.
-    object : float
-        Mean of the voxels of an object.
-    together : LinkageThreshold
-        Mean affinity of two fragments that are linked; what it leaves apart, `merge_parts` decides.
-    weights : (4,) tuple of float
-        Of pairs of cells in that mean, by reach.
-    """
-
-    foreground: float = 0.3
-    dense: float = 0.1
-    object: float = 0.5
-    together: LinkageThreshold = field(default_factory=lambda: LinkageThreshold(0.55, 0.1))
-    weights: tuple[float, ...] = (1.0, 2.0, 2.0, 2.0)
-
-
-LINKAGE_ALONE = PredictionThresholds(together=LinkageThreshold(0.45, 0.1))
-"""Where no classifier merges after it, linkage goes on further."""
+# Probability from which a voxel is an object's: usually, and above the foreground's level, where
+# thin walls of containers are.
+FOREGROUND, DENSE = 0.3, 0.1
+# Mean probability of the voxels of an object.
+OBJECT = 0.5
+# Mean affinity of two fragments that are linked; what it leaves apart, `merge_parts` decides.
+LINKAGE = LinkageThreshold(0.55, 0.1)
+# Where no classifier merges after it, linkage goes on further.
+LINKAGE_ALONE = LinkageThreshold(0.45, 0.1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,8 +98,6 @@ class Oversegmentation:
         How densities are compared.
     levels : Levels
         Of air and foreground.
-    weights : (K,) ndarray of float64
-        Of pairs of cells in a mean, by reach.
     noise : float
         Of the density from one voxel to the next, a standard deviation.
     """
@@ -132,7 +107,6 @@ class Oversegmentation:
     prediction: Prediction
     scale: DensityScale
     levels: Levels
-    weights: NDArray[np.float64]
     noise: float
 
 
@@ -142,7 +116,7 @@ def oversegment(
     progress: Progress,
     foreground: ForegroundOptions | None = None,
     network: BoundaryNetwork | None = None,
-    thresholds: PredictionThresholds | None = None,
+    linkage: LinkageThreshold = LINKAGE,
     noted: Steps | None = None,
 ) -> Oversegmentation:
     """Split a volume by the network's affinities, a little too far.
@@ -156,24 +130,20 @@ def oversegment(
         It sets the scale of density; where its method is a number, nothing below that is an object.
     network : BoundaryNetwork, optional
         By default the one that ships with the package.
-    thresholds : PredictionThresholds, optional
+    linkage : LinkageThreshold
+        Of fragments.
     noted : Steps, optional
         Where linkage is noted.
     """
-    options, limits = foreground or ForegroundOptions(), thresholds or PredictionThresholds()
-    share = Share(progress)
+    options, share = foreground or ForegroundOptions(), Share(progress)
     known = options.known
-    if options.found is None:
-        begun = share.part(0.0, 0.05, "Finding the foreground")
-        dense, levels = find_foreground(density, spacing, options.method, begun, known)
-    else:
-        dense, levels = options.found
+    dense, levels = options.find(density, spacing, share.part(0.0, 0.05))
     knee = typical_knee(density, dense, levels.air) if known is None else known.knee
     scale = DensityScale(levels.air, knee)
     prediction = (network or default_boundaries()).predict(density, scale, share.part(0.05, 0.65))
     # A voxel far from all that is dense is no object, whatever the network predicts.
-    mask = binary_dilation(dense) & (prediction.foreground >= 255 * limits.foreground)
-    mask |= dense & (prediction.foreground >= 255 * limits.dense)
+    mask = binary_dilation(dense) & (prediction.foreground >= 255 * FOREGROUND)
+    mask |= dense & (prediction.foreground >= 255 * DENSE)
     section = measured_section(density) if known is None else None
     if section is not None:
         mask &= section
@@ -189,9 +159,8 @@ def oversegment(
     linking = share.part(0.7, 0.76, "Linking fragments")
     affinities = measure_affinities(fragments, prediction.far, linking)
     linking(1.0)
-    weights, cells = np.array(limits.weights), np.bincount(fragments.reshape(-1))
     log = JoinLog()
-    owner = mean_affinity_linkage(affinities, cells, limits.together, weights, log)
+    owner = mean_affinity_linkage(affinities, np.bincount(fragments.reshape(-1)), linkage, log)
     drawing = share.part(0.78, 0.9, "Drawing borders")
     cells_owned, part = owner.astype(np.int32)[fragments], drawing.part(0.0, 0.2)
     parts = assign_labels(cells_owned, mask, prediction.next, share=part)
@@ -200,7 +169,7 @@ def oversegment(
         noted.seen = Seen(density, scale, prediction.foreground)
         names = assign_labels(linked.names, mask, prediction.next, share=drawing.part(0.2, 0.4))
         noted.levels.append(replace(linked, names=names))
-    parts = _above_mean(parts, prediction.foreground, 255 * limits.object, drawing.part(0.4, 0.5))
+    parts = _above_mean(parts, prediction.foreground, 255 * OBJECT, drawing.part(0.4, 0.5))
     noise = noise_deviation(density)
     plain = np.greater(density, levels.air + NOISE_DEVIATIONS * noise)
     parts = _above_mean(parts, plain.astype(np.uint8), PLAIN_SHARE, drawing.part(0.5, 0.6))
@@ -216,9 +185,9 @@ def oversegment(
         # In a block of a volume a large carton looks like a case.
         parts[find_case(parts)[parts]] = 0
     parts, measured = measure_predicted_parts(
-        parts, density, spacing, scale, affinities, owner, weights, missing.part(0.5, 1.0)
+        parts, density, spacing, scale, affinities, owner, missing.part(0.5, 1.0)
     )
-    return Oversegmentation(parts, measured, prediction, scale, levels, weights, noise)
+    return Oversegmentation(parts, measured, prediction, scale, levels, noise)
 
 
 def find_objects(
@@ -251,9 +220,9 @@ def find_objects(
     """
     share = Share(progress)
     # Of the time, at any size: the network half, the classifier of borders a quarter.
-    limits = PredictionThresholds() if steps else LINKAGE_ALONE
+    linkage = LINKAGE if steps else LINKAGE_ALONE
     finding = share.part(0.0, 0.6)
-    found = oversegment(density, spacing, finding, foreground, network, limits, noted)
+    found = oversegment(density, spacing, finding, foreground, network, linkage, noted)
     if not found.parts.any():
         return found.parts
     voxel = float(np.prod(spacing))
@@ -265,11 +234,7 @@ def find_objects(
     merging = share.part(0.6, 0.8, "Merging parts")
     first = merging.part(0.0, 0.5)
     pieces, measured = split_at_density_steps(density, spacing, found, noted, first)
-    # A merge uses them up.
-    log, touching = JoinLog(), measured.contacts.pairs(AREA)
-    labels = merge_pieces(pieces, measured, log=log, share=merging.part(0.5, 0.7))
-    if noted is not None:
-        noted.levels.append(Level.of(log, pieces, *touching))
+    labels = _merged(merge_pieces, pieces, measured, noted, merging.part(0.5, 0.7))
     labels = sharpened(labels, density, found, share=merging.part(0.7, 1.0))
     drawing = share.part(0.8, 1.0, "Drawing fine borders")
     evidence = BorderEvidence.of(labels, density, found.scale, found.prediction.next, found.noise)
@@ -279,8 +244,7 @@ def find_objects(
     metal = _metal(labels, density, found.scale, few)
     if foreground is None or foreground.shell:
         # Parts were asked the same when they were found; what they took in since may be skin.
-        predicted = label_means(labels, found.prediction.foreground) / 255
-        doubted = predicted < limits.object
+        doubted = label_means(labels, found.prediction.foreground) / 255 < OBJECT
         labels = drop_skin(labels, doubted & ~metal, spacing)
     # What goes may be the last of the labels.
     metal = metal[: int(labels.max()) + 1]
@@ -299,12 +263,19 @@ def _metal(
     return (counts >= least) & (label_means(labels, lifted) >= np.log1p(METAL))
 
 
-def _merged_parts(found: Oversegmentation, noted: Steps | None, share: Share) -> NDArray[np.int32]:
-    # A merge uses them up.
-    log, touching = JoinLog(), found.measured.contacts.pairs(AREA)
-    merged = merge_parts(found.parts, found.measured, log=log, share=share)
+def _merged(
+    merge: Callable[..., NDArray[np.int32]],
+    parts: NDArray[np.int32],
+    measured: PredictedParts,
+    noted: Steps | None,
+    share: Share,
+) -> NDArray[np.int32]:
+    """Merge parts or pieces, and note what was joined."""
+    # A merge uses the measurements up.
+    log, touching = JoinLog(), measured.contacts.pairs(AREA)
+    merged = merge(parts, measured, log=log, share=share)
     if noted is not None:
-        noted.levels.append(Level.of(log, found.parts, *touching))
+        noted.levels.append(Level.of(log, parts, *touching))
     return merged
 
 
@@ -335,10 +306,10 @@ def split_at_density_steps(
         Of them, for `merge_pieces`.
     """
     # The classifier of pieces learned from borders that were not smoothed yet.
-    labels = _merged_parts(found, noted, share.part(0.0, 0.1))
+    labels = _merged(merge_parts, found.parts, found.measured, noted, share.part(0.0, 0.1))
     labels = sharpened(labels, density, found, 0, share.part(0.1, 0.4))
     far, rest = found.prediction.far, share.part(0.4, 1.0)
-    return split_and_measure(labels, density, spacing, found.scale, far, found.weights, rest)
+    return split_and_measure(labels, density, spacing, found.scale, far, rest)
 
 
 def sharpened(
@@ -413,13 +384,9 @@ def with_missed(
 
 def noise_deviation(density: NDArray[np.generic]) -> float:
     """Return the standard deviation of the noise from one voxel to the next; NaN is left out."""
-    # The median of the absolute differences along x over 0.954, which is what it is for white
-    # noise of deviation 1; edges are too few to count.
+    # Edges are too few to count.
     rows = density.reshape(-1, density.shape[2])
-    rows = rows[:: max(1, rows.size // 2_000_000)].astype(np.float64)
-    steps = np.abs(np.diff(rows, axis=1))
-    steps = steps[np.isfinite(steps)]
-    return float(np.median(steps)) / 0.954 if steps.size else 0.0
+    return median_step(rows[:: max(1, rows.size // 2_000_000)]) / 0.954
 
 
 def _above_mean(

@@ -127,10 +127,9 @@ def measure_parts(
     sums, near = np.zeros((count, 5)), find_neighbours(labels, spacing)
     shared = np.zeros((len(near.other), 3))
     _measure(labels, lifted, depth, faces, sums, near.start, near.other, shared)
-    ends = np.stack([np.repeat(np.arange(count), np.diff(near.start)), near.other], axis=1)
     # Both directions are there; the kernel fills the one from the lower label.
-    once = ends[:, 0] < ends[:, 1]
-    contacts = PairSums(count, ends[once], shared[once])
+    once = np.repeat(np.arange(count), np.diff(near.start)) < near.other
+    contacts = PairSums(count, near.pairs()[0], shared[once])
     boxes = label_boxes(labels)
     hulls = [np.zeros((0, 3))] * count
     volumes = np.zeros(count)

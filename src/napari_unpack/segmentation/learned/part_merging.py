@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.geometry.relabeling import numbered
 from napari_unpack.segmentation.common.density_regions import DensityScale, log_density
 from napari_unpack.segmentation.common.joins import JoinLog
 from napari_unpack.segmentation.common.merging import absorb_small
@@ -21,7 +22,7 @@ from napari_unpack.segmentation.common.pair_sums import PairSums
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS
 from napari_unpack.segmentation.common.validation import Spacing, proportions
 from napari_unpack.segmentation.learned.affinity_linkage import LinkageThreshold
-from napari_unpack.segmentation.learned.fragments import FragmentAffinities
+from napari_unpack.segmentation.learned.fragments import REACH_WEIGHTS, FragmentAffinities
 from napari_unpack.segmentation.learned.pair_classifier import (
     PAIR_FEATURES,
     PairClassifier,
@@ -61,14 +62,11 @@ class PredictedParts(Parts):
         of how many pairs of cells (K).
     within, inner : (M, K) ndarray of float64
         The same within every part.
-    weights : (K,) ndarray of float64
-        Of the reaches in a mean over all.
     """
 
     between: PairSums
     within: NDArray[np.float64]
     inner: NDArray[np.float64]
-    weights: NDArray[np.float64]
 
     def join(self, one: int, two: int) -> None:
         """Add part `two` to part `one` and empty it; see `Parts.join`.
@@ -100,10 +98,11 @@ class PredictedParts(Parts):
             all where there is none of it); cohesion the same within each of the two.
         """
         sums, counts = np.split(self.between.between(one, two), 2)
-        mean = float(sums @ self.weights) / max(float(counts @ self.weights), 1.0)
+        mean = float(sums @ REACH_WEIGHTS) / max(float(counts @ REACH_WEIGHTS), 1.0)
         reaches = np.where(counts > 0, sums / np.maximum(counts, 1), mean)
         ends = [one, two]
-        cohesion = (self.within[ends] @ self.weights + 1) / (self.inner[ends] @ self.weights + 1)
+        within, inner = (table[ends] @ REACH_WEIGHTS + 1 for table in (self.within, self.inner))
+        cohesion = within / inner
         many = np.log1p(counts[[0, -1]])
         return np.array([*row, mean, *reaches, *many, cohesion.min(), cohesion.max()])
 
@@ -115,7 +114,6 @@ def measure_predicted_parts(
     scale: DensityScale,
     affinities: FragmentAffinities,
     owner: NDArray[np.int64],
-    weights: NDArray[np.float64],
     share: Share = SILENT,
 ) -> tuple[NDArray[np.int32], PredictedParts]:
     """Measure parts that were linked from fragments.
@@ -134,8 +132,6 @@ def measure_predicted_parts(
         Between fragments.
     owner : (count,) ndarray of int64
         See `mean_affinity_linkage`.
-    weights : (K,) ndarray of float64
-        Of the reaches.
     share : Share
 
     Returns
@@ -149,9 +145,9 @@ def measure_predicted_parts(
     share(0.2)
     top = int(max(parts.max(initial=0) + 1, len(owner)))
     there = np.bincount(parts.reshape(-1), minlength=top) > 0
-    there[0] = True
-    number, reaches = int(there.sum()), affinities.sums.shape[1]
-    compact = np.where(there, np.cumsum(there) - 1, 0).astype(np.int32)
+    there[0] = False
+    compact = numbered(there)
+    number, reaches = int(compact.max()) + 1, affinities.sums.shape[1]
     labels = compact[parts]
     share(0.3)
     lifted = log_density(density, labels > 0, scale)
@@ -166,9 +162,7 @@ def measure_predicted_parts(
     np.add.at(across, where, both[differ])
     between = PairSums(number, np.stack(np.divmod(keys, number), axis=1), across)
     within, inner = (half.copy() for half in np.hsplit(inside, 2))
-    return labels, PredictedParts(
-        **vars(plain), between=between, within=within, inner=inner, weights=weights
-    )
+    return labels, PredictedParts(**vars(plain), between=between, within=within, inner=inner)
 
 
 def merge_parts(

@@ -125,7 +125,6 @@ def split_and_measure(
     spacing: Spacing,
     scale: DensityScale,
     far: NDArray[np.uint8],
-    weights: NDArray[np.float64],
     share: Share = SILENT,
 ) -> tuple[NDArray[np.int32], Pieces]:
     """Split objects at their density steps; return and measure the pieces 1, 2, ...
@@ -141,8 +140,6 @@ def split_and_measure(
         How densities are compared, but for its step.
     far : (3 * K, z, y, x) ndarray of uint8
         See `boundary_network.Prediction`.
-    weights : (K,) ndarray of float64
-        Of the reaches in a mean.
     share : Share
     """
     mask = labels > 0
@@ -168,7 +165,6 @@ def split_and_measure(
         between=PairSums(count, affinities.pairs, across),
         within=within,
         inner=inner,
-        weights=weights,
         host=host,
         whole=np.asarray(np.bincount(host, plain.sums[:, 0], top)[host], np.float64),
         number=np.bincount(host, minlength=top).astype(np.float64)[host],

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cc3d
 import edt
 import numpy as np
@@ -16,42 +14,24 @@ from napari_unpack.segmentation.common.density_regions import DensityScale
 from napari_unpack.segmentation.foreground.methods import typical_knee
 from napari_unpack.tasks import SILENT, Share
 
+# Log densities between which a thread lies; the foreground's median lies at 1.6. Solid metal lies
+# above: tools and keys, several of which touch and none of which winds.
+DENSE, SOLID = 2.2, 4.0
+# The log density bends by so much a voxel^2 across a thread, along two directions; along the third
+# by less than half of it.
+SHARP = 0.3
+# Voxels from the middle line of a thread to its surface at most.
+RADIUS = 2.5
+# Share of an object that is thread where it is a cable, and below which a cable merely winds
+# through it.
+MOSTLY, HARDLY = 0.35, 0.3
+# The share that is thread of all in an object that is as dense, around it, unless it is the rim or
+# the edge of something.
+ALONE = 0.6
+# Voxels of middle line.
+FEWEST = 60
 # Voxels of a middle line: more than the end of a strand that lies across another has.
 LEAST_SHARED_LINE = 20
-
-
-@dataclass(frozen=True)
-class CableRule:
-    """What a cable is, and when it is separated from what it winds through.
-
-    Parameters
-    ----------
-    dense, solid : float
-        Log densities between which a thread lies; the foreground's median lies at 1.6.
-        Solid metal lies above: tools and keys, several of which touch and none of which winds.
-    sharp : float
-        The log density bends by so much a voxel^2 across a thread, along two directions; along
-        the third by less than half of it.
-    radius : float
-        Voxels from the middle line of a thread to its surface at most.
-    mostly, hardly : float
-        Share of an object that is thread where it is a cable, and below which a cable merely winds
-        through it.
-    alone : float
-        The share that is thread of all in an object that is as dense, around it, unless it is
-        the rim or the edge of something.
-    fewest : int
-        Voxels of middle line.
-    """
-
-    dense: float = 2.2
-    solid: float = 4.0
-    sharp: float = 0.3
-    radius: float = 2.5
-    mostly: float = 0.35
-    hardly: float = 0.3
-    alone: float = 0.6
-    fewest: int = 60
 
 
 def gather_cables(
@@ -78,15 +58,15 @@ def gather_cables(
     whose middle lines are two voxels apart are one bundle. A bundle changes nothing unless an
     object is mostly thread of it: the rim of a can and the edge of a box are threads too.
     """
-    limits, compared = CableRule(), scale or scale_of(labels, density)
+    compared = scale or scale_of(labels, density)
     if compared is None:
         return labels
     lifted = np.zeros(density.shape, np.float32)
     _lift(density, compared.air, compared.knee, lifted)
     share(0.2)
-    found = _find_threads(lifted, np.float32(limits.dense), np.float32(limits.sharp))
+    found = _find_threads(lifted)
     share(0.5)
-    if len(found) < limits.fewest:
+    if len(found) < FEWEST:
         return labels
     lines = np.zeros(lifted.shape, np.bool_)
     lines.reshape(-1)[found] = True
@@ -99,15 +79,15 @@ def gather_cables(
     middles = np.bincount(one, minlength=int(bundles.max()) + 1)
     sizes = np.bincount(labels.reshape(-1))
     result = labels.copy()
-    for name in share.part(0.6, 1.0).over(boxes.ids[middles[boxes.ids] >= limits.fewest].tolist()):
+    for name in share.part(0.6, 1.0).over(boxes.ids[middles[boxes.ids] >= FEWEST].tolist()):
         of = other[one == name]
         # A thread has no more than some 20 voxels to one of its middle line.
-        lined = np.bincount(of, minlength=len(sizes)) > limits.mostly / 20 * sizes
+        lined = np.bincount(of, minlength=len(sizes)) > MOSTLY / 20 * sizes
         if not lined[1:].any():
             continue
         box = grown(boxes.slices(name), 3, labels.shape)
         mine = lines[box] & (bundles[box] == name)
-        given = _given(labels[box], lifted[box], mine, sizes, limits)
+        given = _given(labels[box], lifted[box], mine, sizes)
         result[box] = np.where(given > 0, given, result[box])
     return result
 
@@ -135,32 +115,31 @@ def _given(
     lifted: NDArray[np.float32],
     lines: NDArray[np.bool_],
     sizes: NDArray[np.int64],
-    limits: CableRule,
 ) -> NDArray[np.int32]:
     """Return the cable that each voxel around one bundle goes to, 0 where nothing changes."""
     nothing = np.zeros_like(labels)
     # Half as dense as the middle of the thread.
     level = float(np.median(lifted[lines])) - float(np.log(2))
-    if level > limits.solid:
+    if level > SOLID:
         return nothing
     bright = lifted >= level
     near = edt.edt(~lines, black_border=False)
-    thread = (near <= limits.radius) & bright
+    thread = (near <= RADIUS) & bright
     count = len(sizes)
     # With its insulation, whose blurred rim is not as bright.
     whole = thread | (near <= 1)
     shares = np.bincount(labels[whole], minlength=count) / np.maximum(sizes, 1)
     glowing = np.bincount(labels[bright], minlength=count)
-    own = np.bincount(labels[thread], minlength=count) >= limits.alone * glowing
+    own = np.bincount(labels[thread], minlength=count) >= ALONE * glowing
     own[0] = False
-    cables = np.flatnonzero(own & (shares >= limits.mostly))
+    cables = np.flatnonzero(own & (shares >= MOSTLY))
     if not len(cables):
         return nothing
-    hosts = own & (shares < limits.hardly)
+    hosts = own & (shares < HARDLY)
     # Of background only whole threads, not the blurred rim of the cable.
-    lost = (labels == 0) & (edt.edt(~(lines & (labels == 0)), black_border=False) <= limits.radius)
+    lost = (labels == 0) & (edt.edt(~(lines & (labels == 0)), black_border=False) <= RADIUS)
     keeper = int(cables[np.argmax(sizes[cables])])
-    strands = (near <= limits.radius) & np.isin(labels, _going_on(labels, lines, cables, keeper))
+    strands = (near <= RADIUS) & np.isin(labels, _going_on(labels, lines, cables, keeper))
     taken = (whole & hosts[labels]) | (thread & lost) | strands
     return np.where(taken, np.int32(keeper), nothing)
 
@@ -187,12 +166,10 @@ def _offsets(shape: tuple[int, ...], reach: int) -> NDArray[np.int64]:
     return around
 
 
-def _find_threads(
-    lifted: NDArray[np.float32], dense: np.float32, sharp: np.float32
-) -> NDArray[np.int64]:
+def _find_threads(lifted: NDArray[np.float32]) -> NDArray[np.int64]:
     """Return where in a flat volume the middle lines of threads lie, by the Hessian."""
-    marked = np.zeros(lifted.shape, np.bool_)
-    _mark_ridges(lifted, dense, sharp, REACH, marked)
+    marked, sharp = np.zeros(lifted.shape, np.bool_), np.float32(SHARP)
+    _mark_ridges(lifted, np.float32(DENSE), sharp, REACH, marked)
     places = np.flatnonzero(marked)
     bends = np.zeros((len(places), 6), np.float32)
     around = _offsets(lifted.shape, REACH)

@@ -6,6 +6,7 @@ import cc3d
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.segmentation.common.density_regions import label_means
 from napari_unpack.segmentation.common.depths import label_depths
 from napari_unpack.segmentation.common.validation import Spacing
 
@@ -43,14 +44,11 @@ def bundle_folds(
     # density and touching areas say nothing about what belongs together, nearness does.
     top = int(parts.max())
     flat = parts.reshape(-1)
-    counts = np.maximum(np.bincount(flat, minlength=top + 1), 1)
-    depth = label_depths(parts, spacing)
-    thickness = 4 * np.bincount(flat, depth.reshape(-1), top + 1) / counts
-    values = np.nan_to_num(density.reshape(-1).astype(np.float32))
-    mean = np.bincount(flat, values, top + 1) / counts
+    thickness = 4 * label_means(parts, label_depths(parts, spacing))
+    mean = label_means(parts, np.nan_to_num(density.astype(np.float32)))
     fold = (thickness <= LAYERS * float(np.cbrt(np.prod(spacing)))) & (mean <= light)
     fold[0] = False
-    if not fold.any() or counts[fold].sum() < prevalence * np.count_nonzero(flat):
+    if not fold.any() or np.bincount(flat)[fold].sum() < prevalence * np.count_nonzero(flat):
         return parts
     folds = fold[parts]
     bundles = cc3d.connected_components(_grown(folds), connectivity=6)

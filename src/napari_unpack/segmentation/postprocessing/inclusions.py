@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cc3d
 import edt
 import numpy as np
@@ -26,56 +24,33 @@ from napari_unpack.tasks import SILENT, Share
 BINS = 1024
 
 LIGHT, SOFT = 0.6, (5.0, 12.0)
-"""Soft is what has so much of the density that 92 % of objects' voxels are below, within knees."""
+"""Soft is what has so much of the density that 92 % of objects' voxels are below, within knees:
+cloth, paper and foam, but not leather, wood and plastic, in which metal is a motor, a battery or a
+hinge."""
 
 
-@dataclass(frozen=True)
-class InclusionRule:
-    """What lies in an object without being a part of it.
-
-    Parameters
-    ----------
-    soft : float
-        Density above air up to which a host is soft: cloth, paper and foam, but not leather, wood
-        and plastic, in which metal is a motor, a battery or a hinge.
-    core : float
-        Times the upper quartile of its host, above air, from which a voxel may be of a piece.
-    lost : float
-        Times that, where nothing has been found to be an object.
-    contrast : float
-        Times the upper quartile of its host nearby that the median of a piece is.
-    around : float
-        Share of what lies around a piece that may be half as dense as it.
-    near, far : float
-        Voxels from a piece between which its host is looked at; closer it is blurred.
-    thick : float
-        Voxels from the middle of a piece to its surface at least: streaks and crusts are flat.
-    rest : float
-        Share of its host that lies elsewhere.
-    compact : float
-        Share of its convex hull that a piece fills where nothing has been found to be an object.
-    fewest : int
-        Voxels.
-    walled : float
-        Share of its convex hull's surface that a piece covers, and of its volume that it does not
-        fill, if all inside belongs to it.
-    rounds : int
-        What a large piece is taken from is looked at anew.
-    """
-
-    soft: float
-    core: float = 5.0
-    lost: float = 1.5
-    contrast: float = 7.0
-    around: float = 0.1
-    near: float = 2.5
-    far: float = 8.0
-    thick: float = 1.4
-    rest: float = 0.2
-    compact: float = 0.4
-    fewest: int = 27
-    walled: float = 0.6
-    rounds: int = 3
+# Times the upper quartile of its host, above air, from which a voxel may be of a piece; times that,
+# where nothing has been found to be an object.
+CORE, LOST = 5.0, 1.5
+# Times the upper quartile of its host nearby that the median of a piece is.
+CONTRAST = 7.0
+# Share of what lies around a piece that may be half as dense as it.
+AROUND = 0.1
+# Voxels from a piece between which its host is looked at; closer it is blurred.
+NEAR, FAR = 2.5, 8.0
+# Voxels from the middle of a piece to its surface at least: streaks and crusts are flat.
+THICK = 1.4
+# Share of its host that lies elsewhere.
+REST = 0.2
+# Share of its convex hull that a piece fills where nothing has been found to be an object.
+COMPACT = 0.4
+# Voxels of a piece.
+FEWEST = 27
+# Share of its convex hull's surface that a piece covers, and of its volume that it does not fill,
+# if all inside belongs to it.
+WALLED = 0.6
+# What a large piece is taken from is looked at anew.
+ROUNDS = 3
 
 
 def separate_inclusions(
@@ -105,15 +80,15 @@ def separate_inclusions(
     scale = scale_of(labels, density)
     if scale is None:
         return labels
-    limits = InclusionRule(_softest(labels, density, scale))
+    softest = _softest(labels, density, scale)
     voxel = float(np.prod(spacing))
-    least = max(limits.fewest, smallest / 4 / voxel)
+    least = max(FEWEST, smallest / 4 / voxel)
     result = labels
     open_to = np.ones(int(labels.max()) + 1, np.bool_)
     edges = proportions(spacing)
-    for n in range(limits.rounds):
+    for n in range(ROUNDS):
         before, turn = int(result.max()), share.part(1 - 0.5**n, 1 - 0.5 ** (n + 1))
-        taken, hollowed = _taken(result, density, edges, scale, open_to, least, limits, turn)
+        taken, hollowed = _taken(result, density, edges, scale, open_to, least, softest, turn)
         result = np.where(taken > 0, taken, result)
         if not len(hollowed):
             break
@@ -142,7 +117,7 @@ def _taken(
     scale: DensityScale,
     open_to: NDArray[np.bool_],
     least: float,
-    limits: InclusionRule,
+    softest: float,
     share: Share,
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
     """Return the new labels of what is taken out, and the hosts that lost much of themselves."""
@@ -150,7 +125,7 @@ def _taken(
     share(0.05)
     quartiles = _quartiles(labels, density, scale.air, scale.knee, len(sizes))
     share(0.2)
-    levels, kinds = _levels(quartiles, sizes, open_to, limits)
+    levels, kinds = _levels(quartiles, sizes, open_to, softest)
     dense = np.zeros(labels.shape, np.int32)
     _find_cores(labels, density, levels + scale.air, kinds, dense)
     cores = cc3d.connected_components(dense, connectivity=26)
@@ -162,28 +137,28 @@ def _taken(
         place = found.slices(name)
         mine = labels[place][cores[place] == name]
         host = int(np.bincount(mine).argmax())
-        for reach in (4, int(limits.far) + 4):
+        for reach in (4, int(FAR) + 4):
             box = grown(place, reach, labels.shape)
             own = kinds[labels[box]] == kinds[host]
             # A piece may also end in background.
             allowed = own | (labels[box] == 0)
             values = density[box].astype(np.float32) - np.float32(scale.air)
-            solid = _solid(cores[box] == name, values, allowed, edges, limits)
+            solid = _solid(cores[box] == name, values, allowed, edges)
             if solid is None:
                 break
         if solid is None:
             continue
         # The frame of the bag is background too; a compact thing is not the frame.
-        if not host and solidity(solid, edges) < limits.compact:
+        if not host and solidity(solid, edges) < COMPACT:
             continue
-        contrast = limits.contrast if host else limits.core
+        contrast = CONTRAST if host else CORE
         beside = own & (values > 2 * scale.knee)
         bright = values[cores[box] == name]
-        if not _stands_out(solid, bright, values, beside, contrast, edges, limits):
+        if not _stands_out(solid, bright, values, beside, contrast, edges, softest):
             continue
-        piece = allowed & _walled(solid, limits.walled) & (taken[box] == 0)
+        piece = allowed & _walled(solid) & (taken[box] == 0)
         gone = np.bincount(labels[box][piece], minlength=len(sizes))
-        whole = gone[1:] > (1 - limits.rest) * sizes[1:]
+        whole = gone[1:] > (1 - REST) * sizes[1:]
         if gone.sum() < least or (whole & (sizes[1:] > 0)).any():
             continue
         count += 1
@@ -198,7 +173,6 @@ def _solid(
     values: NDArray[np.float32],
     allowed: NDArray[np.bool_],
     edges: Spacing,
-    limits: InclusionRule,
 ) -> NDArray[np.bool_] | None:
     """Return a core grown to half the density of the piece; None if that is no step, or flat."""
     solid = core
@@ -206,11 +180,11 @@ def _solid(
     for _ in range(2):
         bright = values >= float(np.median(values[solid])) / 2
         solid = binary_dilation(core, iterations=2, mask=bright & allowed) | core
-    if edt.edt(solid, anisotropy=edges, black_border=False).max() < limits.thick:
+    if edt.edt(solid, anisotropy=edges, black_border=False).max() < THICK:
         return None
     away = edt.edt(~solid, anisotropy=edges, black_border=False)
-    around = (away > limits.near) & (away <= limits.near + 1.5)
-    if not around.any() or bright[around].mean() > limits.around:
+    around = (away > NEAR) & (away <= NEAR + 1.5)
+    if not around.any() or bright[around].mean() > AROUND:
         return None
     return np.asarray(solid)
 
@@ -222,18 +196,18 @@ def _stands_out(
     host: NDArray[np.bool_],
     contrast: float,
     edges: Spacing,
-    limits: InclusionRule,
+    softest: float,
 ) -> bool:
     """Return whether the host of a piece is soft beside it, and the piece much denser."""
     away = edt.edt(~solid, anisotropy=edges, black_border=False)
-    beside = values[host & (away > limits.near) & (away <= limits.far)]
-    if len(beside) < limits.fewest:
+    beside = values[host & (away > NEAR) & (away <= FAR)]
+    if len(beside) < FEWEST:
         return False
     typical = float(np.quantile(beside, 0.75))
-    return typical <= limits.soft and float(np.median(core)) >= contrast * typical
+    return typical <= softest and float(np.median(core)) >= contrast * typical
 
 
-def _walled(solid: NDArray[np.bool_], share: float) -> NDArray[np.bool_]:
+def _walled(solid: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return what a piece's convex hull holds if the piece is most of the hull's surface."""
     hull = ConvexHull(mask_corners(solid, np.zeros(3), (1.0, 1.0, 1.0)))
     grid = np.moveaxis(np.indices(solid.shape, np.float32), 0, -1)
@@ -243,22 +217,22 @@ def _walled(solid: NDArray[np.bool_], share: float) -> NDArray[np.bool_]:
         inside &= grid @ plane[:3] <= -plane[3] - np.float32(0.4)
     skin = inside & ~binary_erosion(inside)
     covered = binary_dilation(solid, iterations=2)[skin].mean()
-    hollow = np.count_nonzero(solid) < share * np.count_nonzero(inside)
-    return inside | solid if hollow and covered >= share else solid
+    hollow = np.count_nonzero(solid) < WALLED * np.count_nonzero(inside)
+    return inside | solid if hollow and covered >= WALLED else solid
 
 
 def _levels(
     quartiles: NDArray[np.float64],
     sizes: NDArray[np.int64],
     open_to: NDArray[np.bool_],
-    limits: InclusionRule,
+    softest: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Return by label how far above air a core begins, and what hosts count as one."""
-    levels = limits.core * np.minimum(quartiles, limits.soft)
-    soft = (quartiles < limits.soft) & (sizes > 0)
+    levels = CORE * np.minimum(quartiles, softest)
+    soft = (quartiles < softest) & (sizes > 0)
     soft[0] = False
     around = np.average(levels[soft], weights=sizes[soft]) if soft.any() else np.inf
-    levels[0] = limits.lost * around
+    levels[0] = LOST * around
     levels[~open_to] = np.inf
     soft[0] = True
     return levels, np.where(soft, 0, np.arange(len(soft))).astype(np.int32)

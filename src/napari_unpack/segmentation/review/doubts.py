@@ -142,7 +142,10 @@ def doubts(
     )
     total = float(evidence.sums[:, 0].sum())
     chances = _chances(model, [d.row for d in found], [d.shipped for d in found])
-    made = [_weighed(d, c, total) for d, c in zip(found, chances, strict=True)]
+    made = [
+        replace(d, chance=c, worth=_worth(d.kind, d.row, c, total))
+        for d, c in zip(found, chances, strict=True)
+    ]
     made = sorted((d for d in made if d.doubt >= least), key=lambda d: (-d.worth, d.pieces))
     chances = _chances(model, [a.row for a in answers], [a.chance for a in answers])
     asked = [_worth(a.kind, a.row, c, total) for a, c in zip(answers, chances, strict=True)]
@@ -343,12 +346,6 @@ def _chances(model: Rescoring, rows: Sequence[Row], shipped: Sequence[float]) ->
 def _doubt(kind: Kind, chance: float) -> float:
     """Return how likely a decision is wrong."""
     return chance if kind == "border" else 1 - chance
-
-
-def _weighed(doubt: Doubt, chance: float, total: float) -> Doubt:
-    """Return a doubt with its re-scored chance and what it is worth."""
-    worth = _worth(doubt.kind, doubt.row, chance, total)
-    return replace(doubt, chance=chance, worth=worth)
 
 
 def _worth(kind: Kind, row: Row, chance: float, total: float) -> float:
