@@ -381,7 +381,7 @@ def test_tables_of_a_session_have_what_those_of_the_panel_have(bag: Path) -> Non
     session.measurements.add([SurfacePoint(1, (4.0, 4.0, 4.0)), SurfacePoint(1, (4.0, 19.0, 4.0))])
     saved = nu.save_session(session, bag.with_name("bag.unpack"))
     written, wanted = bag.with_name("cli.csv"), bag.with_name("panel.csv")
-    save_objects_csv(session.objects, wanted, session.length_unit)
+    save_objects_csv(session, wanted)
     assert run("table", saved, written).exit_code == 0
     assert written.read_text() == wanted.read_text()
     assert "a note" in written.read_text()
@@ -390,6 +390,7 @@ def test_tables_of_a_session_have_what_those_of_the_panel_have(bag: Path) -> Non
     assert written.read_text() == wanted.read_text()
     assert "15" in written.read_text()
     assert run("table", saved, bag.with_name("a.html"), "--measurements").exit_code == 1
+    assert "nothing was measured" in run("table", bag, written, "--measurements").stderr
 
 
 def test_steps_of_the_demo_are_lines_of_their_own_where_there_is_no_terminal(
@@ -687,7 +688,7 @@ def test_a_direction_or_a_view_that_cannot_be_is_refused_before_the_work(
     output = tmp_path / "out"
     for arguments, sentence in (
         (("order", volume, "--direction", "sideways"), "direction must be one of"),
-        (("render", volume, tmp_path / "a.png", "--view", "nan", 0, 0), "direction must be"),
+        (("render", volume, tmp_path / "a.png", "--view", "0", 0, 0), "direction of looking must"),
         (("batch", volume, "-o", output, "--direction", "sideways"), "direction must be one of"),
     ):
         result = run(*arguments)

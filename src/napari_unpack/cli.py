@@ -486,13 +486,14 @@ def _table(
     check_output(output, (".csv",) if measurements else (".html", ".csv"), source, labels)
     session = open_input(source, labels, None, view, backend, at, large)
     if measurements:
-        typer.echo(f"wrote {save_measurements_csv(session, output)}")
+        if not len(session.measurements):
+            typer.echo(f"note: {source.name}: nothing was measured in it", err=True)
+        path = save_measurements_csv(session, output)
     elif output.suffix.lower() == ".csv":
-        typer.echo(f"wrote {save_objects_csv(session.objects, output, session.length_unit)}")
+        path = save_objects_csv(session, output)
     else:
-        title = printable(stem_of(source))
-        path = save_objects_page(session, output, title, progress=Ticker(), backend=backend)
-        typer.echo(f"wrote {path}")
+        path = save_objects_page(session, output, printable(stem_of(source)), Ticker(), backend)
+    typer.echo(f"wrote {path}")
 
 
 @_command()

@@ -104,7 +104,7 @@ def record(viewer: napari.Viewer, panel: UnpackingWidget, output: Path, progress
     _canvas_image(viewer, controller)
     progress(0.0, "Writing the movie")
     _write_movie(frames, output / "unpacking.mp4")
-    save_objects_csv(controller.session.objects, output / "objects.csv")
+    save_objects_csv(controller.session, output / "objects.csv")
 
 
 def _flight(viewer: napari.Viewer, panel: UnpackingWidget, clock: SteppedClock) -> Iterator[Image]:

@@ -8,8 +8,8 @@ from napari_unpack.geometry.length_unit import MICRO, MM, LengthUnit, density_te
 
 def test_volumes_of_bags_are_in_cubic_centimetres_and_small_ones_in_what_they_are() -> None:
     bag, small = MM.volume_unit(25_000.0), MM.volume_unit(900.0)
-    assert (bag.name, bag.text(25_000.0), bag.text(320.0)) == ("cm³", "25.0", "0.3")
-    assert (small.name, small.text(900.0), small.text(0.0123)) == ("mm³", "900", "0.01")
+    assert (bag.name, bag.text(25_000.0), bag.text(320.0)) == ("cm³", "25.0", "0.32")
+    assert (small.name, small.text(900.0), small.text(0.0123)) == ("mm³", "900", "0.012")
 
 
 def test_numbers_of_a_file_may_be_read_as_micrometres_or_converted() -> None:

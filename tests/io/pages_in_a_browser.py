@@ -22,7 +22,7 @@ from scipy.ndimage import binary_erosion, distance_transform_edt
 import napari_unpack as nu
 from napari_unpack.appearance import Decorations
 from napari_unpack.geometry.view import FROM_ABOVE, Camera, View
-from napari_unpack.io import save_interactive_page
+from napari_unpack.io import save_interactive_page, save_objects_page
 from napari_unpack.io.headless import packed_copy
 from napari_unpack.io.interactive_page import WINDOW
 from napari_unpack.rendering.compose import scene_image
@@ -58,7 +58,11 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[nu.Session, Path]
     session.recolor()
     session.unpack(1)
     session.rename(session.ids[0], NASTY)
+    session.annotations.set_flag(session.ids[4:6], "suspicious")
+    session.annotations.set_note(session.ids[5], "A rather long note: a lid, two hinges, screws")
+    session.annotations.set_note(session.ids[6], "Another")
     path = tmp_path_factory.mktemp("page") / "bag.html"
+    save_objects_page(session, path.with_name("table.html"), "A bag", backend="cpu")
     return session, save_interactive_page(session, path, "A bag", backend="cpu")
 
 
@@ -159,7 +163,6 @@ def test_three_steps_look_as_in_the_plugin_object_by_object(
         strips.append(np.concatenate([plugin, seen], axis=0))
         covered, cast = drawn(seen), image[..., 3] > 0.1
         # Edges of the plugin's bag fade out; what stands elsewhere would share far less.
-        # Edges of the plugin's bag fade out; what stands elsewhere would share far less.
         assert (covered & cast).sum() > 0.9 * (covered | cast).sum()
         for i, mask in masks(scene, there, size):
             # The rim blends with what is beside it.
@@ -235,6 +238,72 @@ def test_the_table_sorts_and_searches(page: Page, written: tuple[nu.Session, Pat
     page.get_by_role("searchbox").fill("broken")
     assert page.locator("tbody tr:visible").count() == 1
     assert page.locator("tbody tr:visible button").inner_text() == NASTY
+    word = "getComputedStyle(document.querySelector('tbody'), '::after').content"
+    assert page.evaluate(word) == "none"
+    page.get_by_role("searchbox").fill("nowhere")
+    assert page.locator("tbody tr:visible").count() == 0
+    assert page.evaluate(word) == '"Nothing found."'
+
+
+def test_what_has_no_flag_or_note_comes_last_in_both_orders(page: Page) -> None:
+    for column, said in ((5, "Flag"), (6, "Note")):
+        head = page.get_by_role("columnheader", name=said)
+        for _ in range(2):
+            head.get_by_role("button").click()
+            cells = page.locator(f"tbody td:nth-child({column})").all_inner_texts()
+            assert [bool(text) for text in cells] == [True] * 2 + [False] * (len(cells) - 2)
+
+
+def test_a_page_that_is_come_back_to_says_what_it_shows(
+    browser: Browser, written: tuple[nu.Session, Path]
+) -> None:
+    page = opened(browser, written[1])
+    page.get_by_role("searchbox").fill("broken")
+    page.get_by_role("button", name="Unpack next").click()
+    page.goto("about:blank")
+    page.go_back()
+    # Browsers fill in again what was typed once the page is there.
+    page.wait_for_timeout(500)
+    assert page.get_by_role("searchbox").input_value() == ""
+    assert page.locator("#step").input_value() == "1"
+    assert page.locator("#said").inner_text().startswith("Step 1 of ")
+    page.close()
+
+
+@pytest.mark.parametrize("width", [1024, 1400, 1920])
+def test_all_columns_are_in_sight_beside_the_bag(
+    browser: Browser, written: tuple[nu.Session, Path], width: int
+) -> None:
+    page = opened(browser, written[1], viewport={"width": width, "height": 900})
+    table = page.locator(".wide").bounding_box()
+    note = page.get_by_role("columnheader", name="Note").bounding_box()
+    assert table
+    assert note
+    assert note["x"] + note["width"] <= table["x"] + table["width"]
+    page.close()
+
+
+# A4, upright and across, within the margins that browsers leave: CSS pixels.
+@pytest.mark.parametrize("width", [717, 1047])
+@pytest.mark.parametrize("name", ["bag.html", "table.html"])
+def test_paper_has_all_columns_and_colours(
+    browser: Browser, written: tuple[nu.Session, Path], name: str, width: int
+) -> None:
+    page = opened(browser, written[1].with_name(name), viewport={"width": width, "height": 1000})
+    page.emulate_media(media="print")
+    assert page.evaluate("document.scrollingElement.scrollWidth") <= width
+    swatch = page.locator("td i").first
+    assert swatch.evaluate("one => getComputedStyle(one).printColorAdjust") == "exact"
+    page.close()
+
+
+def test_a_title_without_blanks_is_no_wider_than_a_phone(
+    browser: Browser, written: tuple[nu.Session, Path]
+) -> None:
+    page = opened(browser, written[1], viewport={"width": 390, "height": 844})
+    page.evaluate("document.querySelector('h1').textContent = 'scan_of_a_bag_'.repeat(6)")
+    assert page.evaluate("document.scrollingElement.scrollWidth") <= 390
+    page.close()
 
 
 def test_buttons_bar_and_keys_go_from_step_to_step(
@@ -394,6 +463,20 @@ def test_without_webgl_it_says_so_and_shows_pictures(
     page.locator("tbody button").first.click()
     assert page.locator("tr[aria-current]").count() == 1
     context.close()
+
+
+def test_where_the_browser_takes_the_graphics_away_it_says_so(
+    browser: Browser, written: tuple[nu.Session, Path]
+) -> None:
+    page = opened(browser, written[1])
+    page.evaluate(
+        "document.querySelector('canvas').getContext('webgl2')"
+        ".getExtension('WEBGL_lose_context').loseContext()"
+    )
+    page.get_by_text("The browser took the graphics away. Reload the page").wait_for()
+    assert page.get_by_text("does not show WebGL 2").count() == 0
+    assert page.locator("#stills img").first.is_visible()
+    page.close()
 
 
 def test_the_policy_lets_nothing_reach_the_network_and_no_other_script_run(page: Page) -> None:

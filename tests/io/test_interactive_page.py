@@ -246,9 +246,12 @@ def test_a_mirrored_bag_is_shown_mirrored_with_its_outside_outside(tmp_path: Pat
 def test_hidden_objects_are_left_out_and_the_page_says_so(tmp_path: Path) -> None:
     session = bag()
     session.hide([2])
+    session.annotations.set_note(2, "hidden")
     text = save_interactive_page(session, tmp_path / "a.html", backend="cpu").read_text("utf-8")
     assert [one["id"] for one in told(text)["objects"]] == [1, 3, 4]
     assert "Hidden objects are left out: 1." in text
+    # Nor is there a column of their notes.
+    assert "<button>Note</button>" not in text
     session.hide([1, 3, 4])
     with pytest.raises(ValueError, match="all objects are hidden"):
         save_interactive_page(session, tmp_path / "b.html")

@@ -259,6 +259,40 @@ def test_a_persons_own_numbers_keep_their_digits(tmp_path: Path) -> None:
     ]
 
 
+def test_ids_above_65535_are_those_of_the_labels_in_the_table_too(tmp_path: Path) -> None:
+    labels = np.zeros((12, 12, 24), np.int32)
+    labels[2:10, 2:10, 2:10], labels[2:10, 2:10, 14:22] = 3, 70000
+    own = pd.DataFrame({"dose": [0.5, 2.0]}, index=[3, 70000])
+    session = nu.Session(np.where(labels > 0, 1500, 0), labels, (1, 1, 1), own)
+    table = pd.read_csv(save_objects_csv(session, tmp_path / "a.csv"), index_col="id")
+    assert table["name"].to_dict() == {3: "Object 3", 70000: "Object 70000"}
+    # The column of these IDs that the session has beside its own would say them twice.
+    assert "label" not in table
+    again = nu.Session(np.where(labels > 0, 1500, 0), labels, (1, 1, 1), table)
+    assert again.objects["dose"].to_list() == [0.5, 2.0]
+    # A person's own column stays, and has another name than that of the IDs.
+    own = pd.DataFrame({"id": [17, 18], "label": ["b1", "b2"]}, index=[3, 70000])
+    session = nu.Session(np.where(labels > 0, 1500, 0), labels, (1, 1, 1), own)
+    table = pd.read_csv(save_objects_csv(session, tmp_path / "a.csv"), index_col="id")
+    assert table["own_id"].to_dict() == {3: 17, 70000: 18}
+    assert table["label"].to_dict() == {3: "b1", 70000: "b2"}
+
+
+def test_places_in_voxels_are_where_arrays_have_them(tmp_path: Path) -> None:
+    labels = np.zeros((12, 20, 24), np.uint16)
+    labels[2:9, 4:15, 6:17] = 1
+    session = nu.Session(np.where(labels > 0, 1500, 0), labels, (2.5, 0.7, 0.6))
+    session.length_unit = "voxels"
+    table = pd.read_csv(save_objects_csv(session, tmp_path / "a.csv"), index_col="id")
+    assert table.loc[1, ["z_voxels", "y_voxels", "x_voxels"]].to_list() == [5, 9, 11]
+    assert table["volume_voxels"][1] == 7 * 11 * 11
+    session.measurements.add([SurfacePoint(1, (5.0, 2.8, 3.6)), SurfacePoint(1, (20.0, 2.8, 3.6))])
+    table = pd.read_csv(save_measurements_csv(session, tmp_path / "b.csv"))
+    assert table[["z1_voxels", "y1_voxels", "x1_voxels"]].to_numpy().tolist() == [[2, 4, 6]]
+    # Along no axis: in edges of a cube as large as a voxel.
+    assert table["length_voxels"][0] == pytest.approx(15 / 1.05 ** (1 / 3), rel=1e-5)
+
+
 def test_long_ids_are_sorted_by_all_their_digits() -> None:
     assert 'data-value="10000000001"' in number_cell(10_000_000_001, "10000000001")
     assert 'data-value="0.333333333"' in number_cell(1 / 3, "0.3")

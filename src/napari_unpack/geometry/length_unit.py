@@ -112,4 +112,4 @@ class VolumeUnit:
         volume = mm3 * self.per_mm3
         if self.name == "voxels" or volume >= 100:
             return f"{volume:.0f}"
-        return f"{volume:.1f}" if volume >= 0.1 else f"{volume:.1g}"
+        return f"{volume:.1f}" if volume >= 1 else f"{volume:.2g}"

@@ -80,7 +80,7 @@ class View:
         height: float | None = None,
         fov: float = 0.0,
     ) -> None:
-        looking = unit(direction, "direction")
+        looking = unit(direction, "direction of looking")
         # Nearly parallel vectors leave up in the image to rounding.
         if up is not None and np.linalg.norm(np.cross(looking, unit(up, "up"))) < 1e-6:
             raise ValueError(

@@ -349,6 +349,8 @@ function start() {
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
   // Drivers take a context away at times; the pictures stay.
   canvas.addEventListener("webglcontextlost", () => {
+    stills.querySelector("p").textContent = "The browser took the graphics away. Reload the page " +
+      "to turn the bag; here are pictures of it.";
     [live.hidden, stills.hidden] = [true, false];
   });
   view.addEventListener("selected", redraw);

@@ -68,8 +68,8 @@ COLUMNS = (
     PageColumn("Order out", "n"),
     PageColumn("Volume {volume}", "n"),
 )
-SAID = {"flag": PageColumn("Flag", "t", "part"), "note": PageColumn("Note", "t", "part")}
-"""Columns of what a person said of objects, where one did of any."""
+SAID = {"flag": "", "note": "long"}
+"""Columns of what a person said of objects, where one did of any, and the style of each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -340,9 +340,9 @@ def _page(
     )
     volume = volume_unit_of(session).name
     columns = [replace(one, title=one.title.format(volume=volume)) for one in COLUMNS]
-    objects = said_of_objects(shown)
+    objects = said_of_objects(shown).loc[[*surfaces]]
     said = [key for key in SAID if key in objects and any(objects[key])]
-    columns += [SAID[key] for key in said]
+    columns += [PageColumn(key.capitalize(), "t", "part") for key in said]
     return table_page(parts, columns, _rows(session, shown, said))
 
 
@@ -363,7 +363,8 @@ _VIEW = """<section id="view" aria-label="The bag">
 come near and draw back, N unpacks the next, B puts the last back, 0 shows all."></canvas>
 <div class="bar">
 <button id="back">Put back</button>
-<input id="step" type="range" min="0" max="{last}" step="1" aria-label="Step of the unpacking">
+<input id="step" type="range" min="0" max="{last}" step="1" autocomplete="off" \
+aria-label="Step of the unpacking">
 <button id="next">Unpack next</button>
 <button id="whole">Show all</button>
 </div>
@@ -381,7 +382,7 @@ def _rows(session: Session, shown: Session, said: list[str]) -> Iterator[str]:
             facts = objects.loc[i]
             # Names, flags and notes come from users and files.
             name = escape(str(facts["name"]))
-            told = [f'<td class="long">{escape(str(facts[key]))}</td>' for key in said]
+            told = [f'<td class="{SAID[key]}">{escape(str(facts[key]))}</td>' for key in said]
             red, green, blue = (round(255 * float(v)) for v in shown.solo_tints(i)[i, :3])
             swatch = f'<i style="background:rgb({red},{green},{blue})"></i>'
             label = shown.label_of(i)

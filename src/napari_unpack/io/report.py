@@ -215,29 +215,57 @@ def _data_uri(image: NDArray[Any] | Sequence[Any]) -> str:
     return f"data:image/png;base64,{base64.b64encode(encoded).decode('ascii')}"
 
 
-def save_objects_csv(objects: pd.DataFrame, path: str | Path, unit: LengthUnit = MM) -> Path:
+def save_objects_csv(
+    objects: Session | pd.DataFrame, path: str | Path, unit: LengthUnit = MM
+) -> Path:
     """Write a table of objects, one row an object, the ID first.
 
-    Measures have six digits, other numbers the fewest that are no other number.
+    Measures have six digits, other numbers the fewest that are no other number. Centres in voxels
+    count the voxels along each axis, from the middle of the first.
 
     Parameters
     ----------
-    objects : DataFrame
-        Indexed by ID, such as `Segmentation.objects` or `Session.objects`.
+    objects : Session or DataFrame
+        A session, whose labels' IDs are written; or a table indexed by ID, such as
+        `Segmentation.objects`.
     path : str or Path
         The file; its folder must exist.
     unit : LengthUnit
-        Of volumes, centres and ratios, such as `Session.length_unit`. Other units than mm stand
-        in the names of these columns: z is then z_um or z_voxels.
+        Of volumes, centres and ratios of a table alone, whose voxels are taken for cubes; a
+        session has its own. Other units than mm stand in the names of these columns: z is then
+        z_um or z_voxels.
     """
+    import pandas as pd
+
+    if isinstance(objects, pd.DataFrame):
+        table = _in_unit(objects, unit, np.full(3, unit.per_mm))
+    else:
+        table = _in_unit(_by_label(objects), objects.length_unit, _per_mm_of_axes(objects))
     target = checked_target(path)
     with written_atomically(target) as temporary:
-        _write_csv(_in_unit(objects, unit), temporary, "id")
+        _write_csv(table, temporary, "id")
     return target
+
+
+def _by_label(session: Session) -> pd.DataFrame:
+    """Return what is known of objects, by the IDs that people are shown."""
+    table, ids = session.objects, [session.label_of(i) for i in session.ids]
+    # Where the session numbers the objects anew, it has a column of these IDs.
+    if ids != list(table.index) and "label" in table and ids == list(table["label"]):
+        table = table.drop(columns="label")
+    return table.set_axis(ids)
+
+
+def _per_mm_of_axes(session: Session) -> NDArray[np.float64]:
+    """Return the factors of places along z, y, x: those in voxels are where arrays have them."""
+    unit = session.length_unit
+    return 1 / session.spacing if unit.name == "voxels" else np.full(3, unit.per_mm)
 
 
 def save_measurements_csv(session: Session, path: str | Path) -> Path:
     """Write what was measured, one row a measurement, in the session's unit of lengths.
+
+    Ends in voxels count the voxels along each axis, from the middle of the first.
 
     Parameters
     ----------
@@ -260,7 +288,7 @@ def save_measurements_csv(session: Session, path: str | Path) -> Path:
             "angle_degrees": one.angle,
             "objects": _names_on(session, one),
         }
-        for k, end in enumerate(one.ends * unit.per_mm, 1):
+        for k, end in enumerate(one.ends * _per_mm_of_axes(session), 1):
             row |= {f"{axis}{k}_{suffix}": v for axis, v in zip("zyx", end, strict=True)}
         rows.append(row)
     ends = [f"{axis}{k}_{suffix}" for k in (1, 2, 3) for axis in "zyx"]
@@ -273,6 +301,8 @@ def save_measurements_csv(session: Session, path: str | Path) -> Path:
 
 
 def _write_csv(table: pd.DataFrame, path: Path, index: str) -> None:
+    # A column of a person's own may have that name too.
+    table = table.rename(columns={index: f"own_{index}"})
     table.apply(_cells).to_csv(path, index_label=index, lineterminator="\n")
 
 
@@ -305,12 +335,18 @@ def _suffix(unit: LengthUnit) -> str:
     return "um" if unit.name == MICRO else unit.name
 
 
-def _in_unit(objects: pd.DataFrame, unit: LengthUnit) -> pd.DataFrame:
-    lengths = {"volume_mm3": 3, "z": 1, "y": 1, "x": 1, "isoperimetric_ratio": -1}
-    powers = lengths | {"mean_density": 0, "confidence": 0}
+def _in_unit(
+    objects: pd.DataFrame, unit: LengthUnit, per_mm_of_axes: NDArray[np.float64]
+) -> pd.DataFrame:
+    factors = dict(zip("zyx", per_mm_of_axes, strict=True)) | {
+        "volume_mm3": unit.per_mm**3,
+        "isoperimetric_ratio": 1 / unit.per_mm,
+        "mean_density": 1,
+        "confidence": 1,
+    }
     told = {
-        name: (objects[name] * unit.per_mm**n).map(_six_digits)
-        for name, n in powers.items()
+        name: (objects[name] * factor).map(_six_digits)
+        for name, factor in factors.items()
         if name in objects
     }
     table = objects.assign(**told)

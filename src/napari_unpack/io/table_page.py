@@ -17,7 +17,8 @@ STYLE = """
 * { box-sizing: border-box; }
 body { margin: 0 auto; max-width: 1400px; padding: 32px 20px 48px; background: var(--ground);
   color: var(--ink); font: 15px/1.5 system-ui, -apple-system, "Segoe UI", sans-serif; }
-h1 { font-size: 26px; line-height: 1.2; margin: 0 0 4px; letter-spacing: -0.01em; }
+h1 { font-size: 26px; line-height: 1.2; margin: 0 0 4px; letter-spacing: -0.01em;
+  overflow-wrap: anywhere; }
 h2 { font-size: 18px; margin: 28px 0 10px; }
 p, footer { color: var(--faint); margin: 0; }
 header p { margin-bottom: 16px; }
@@ -46,6 +47,10 @@ th[aria-sort=descending] button::after { content: " \\2193"; }
 .picture { width: 136px; }
 .picture img { display: block; margin: 0 auto; max-width: 112px; max-height: 84px; }
 .scan.picture img { max-width: 208px; max-height: 156px; }
+tbody:not(:has(tr:not([hidden])))::after { content: "Nothing found."; display: block;
+  padding: 8px 12px; white-space: nowrap; }
+/* On paper too, where browsers leave grounds out. */
+td.picture, td i { print-color-adjust: exact; }
 td.picture { background: var(--well); }
 td i { display: inline-block; width: 11px; height: 11px; border-radius: 3px;
   margin-right: 9px; }
@@ -54,7 +59,10 @@ footer { margin-top: 20px; font-size: 13px; }
 @media (max-width: 600px) { th, td { padding: 6px 8px; } .picture { width: 80px; }
   .picture img { max-width: 64px; max-height: 56px; } .long { min-width: 160px; }
   .name { min-width: 104px; } }
-@media print { .search, footer { display: none; } .wide { overflow: visible; } }
+@media print { .search, footer { display: none; } .wide { overflow: visible; }
+  td { padding: 4px; font-size: 11px; } th { padding: 4px; font-size: 10px; white-space: normal; }
+  .long, .name { min-width: 88px; } .picture { width: 56px; }
+  .picture img { max-width: 48px; max-height: 48px; } }
 """
 
 SCRIPT = """
@@ -73,7 +81,7 @@ heads.forEach((head, column) => {
     const value = row => number ? row.cells[column].dataset.value : row.cells[column].textContent;
     const rows = [...body.rows].sort((a, b) => {
       const [x, y] = [value(a), value(b)];
-      if (number && (x === "" || y === "")) return (x === "") - (y === "");
+      if (x === "" || y === "") return (x === "") - (y === "");
       return (up ? 1 : -1) * (number ? x - y : texts.compare(x, y));
     });
     body.append(...rows);
@@ -175,7 +183,7 @@ def table_page(parts: PageParts, columns: Iterable[PageColumn], rows: Iterable[s
 <p>{parts.lead}</p>
 </header>
 {parts.figure}<label class="search">Search
-<input type="search" placeholder="{parts.sought}"></label>
+<input type="search" autocomplete="off" placeholder="{parts.sought}"></label>
 <div class="wide"><table>
 <thead><tr>{heads}</tr></thead>
 <tbody>

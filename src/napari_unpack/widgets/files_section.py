@@ -144,7 +144,7 @@ def _table(session: Session, path: Path, options: ExportOptions, progress: Progr
     from napari_unpack.io import save_objects_csv
 
     progress(0.0, "Writing the table")
-    return save_objects_csv(session.objects, path, session.length_unit)
+    return save_objects_csv(session, path)
 
 
 def _measurements(session: Session, path: Path, options: ExportOptions, progress: Progress) -> Path:
