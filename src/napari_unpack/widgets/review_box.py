@@ -167,7 +167,7 @@ class ReviewBox(Collapsible):
             self.sentence.setText(f"All is reviewed: {done} answered.")
         else:
             self._describe(doubt)
-            self.picture.setText("Drawing both sides…")
+            self.picture.setText("Drawing it close up…")
             pixels = round(SIDE * self.devicePixelRatioF())
             self._workspace.scheduler.submit(
                 session.review.picture_task(doubt, pixels),
