@@ -301,6 +301,27 @@ def test_numbers_in_a_throng_stay_near_their_lines() -> None:
     assert far[-1] == 0
 
 
+def test_numbers_are_in_the_image_where_some_of_their_lines_are() -> None:
+    half = np.array([7.0, 25.0])
+    lines = {
+        ((-200.0, 100.0), (50.0, 100.0)): True,
+        ((-50.0, 350.0), (50.0, 450.0)): True,
+        ((-60.0, 350.0), (20.0, 450.0)): False,  # past a corner
+        ((-3.0, 100.0), (-3.0, 200.0)): False,
+        ((150.0, 900.0), (150.0, 900.0)): False,
+    }
+    drawn = [np.array(ends) for ends in lines]
+    places = number_places(drawn, [[tuple(2 * half)]] * len(lines), (300, 400), 1.0)
+    for (number,), seen in zip(places, lines.values(), strict=True):
+        inside = (number >= half) & (number <= np.array([300, 400]) - half)
+        assert inside.all() if seen else (number + half < -5).any()
+    # An angle by one of whose sides the image ends.
+    angle = np.array([[290.0, 200.0], [310.0, 200.0], [310.0, 350.0]])
+    ((one, other, _),) = number_places([angle], [[tuple(2 * half)] * 3], (300, 400), 1.0)
+    assert (one > 0).all()
+    assert (other < 0).any()
+
+
 @pytest.mark.parametrize("spacing", [1.0, 1e7, 1e9])
 def test_a_sprite_is_cast_anew_for_another_zoom_however_large_voxels_are(spacing) -> None:
     bag = simulated()

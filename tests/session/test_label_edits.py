@@ -587,6 +587,21 @@ def test_both_parts_of_a_suspicious_object_are_suspicious() -> None:
     assert made.annotations.flags == {1: "cleared"}
 
 
+def test_a_part_of_a_hidden_object_is_hidden_and_has_its_note() -> None:
+    made = session()
+    made.annotations.set_note(1, "wires")
+    made.hide(1)
+    new = made.split(1, LEFT, RIGHT)
+    assert made.states[new] is made.states[1] is ObjectState.HIDDEN
+    assert made.states[2] is ObjectState.PACKED
+    assert made.annotations.notes == {1: "wires", new: "wires"}
+    made.show(1)
+    assert made.states[new] is ObjectState.HIDDEN
+    made.undo()
+    made.undo()
+    assert made.annotations.notes == {1: "wires"}
+
+
 def test_a_label_that_is_used_anew_has_nothing_of_the_deleted_object() -> None:
     made = session()
     made.set_style(2, ObjectStyle(TransferFunction([(0, 0), (900, 0.5)]), None))

@@ -1,5 +1,6 @@
 """Studying an object alone, by the panel's own controls: the cut, and what is inside it."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,9 @@ import pytest
 from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
+from qtpy.QtWidgets import QFileDialog
 
+import napari_unpack as nu
 from mouse import move
 from napari_unpack.appearance import Decorations
 from napari_unpack.geometry.transforms import rotation_about
@@ -113,6 +116,33 @@ def test_an_opened_object_is_a_bag_of_its_own_and_slices_stay_the_outer_ones(
     assert not workspace.is_inside
     np.testing.assert_array_equal(mine.colormap.map(np.array([1, 2])), hue)
     assert workspace.controller.interaction.in_slice((10, 10, 10)) == 1
+
+
+def test_an_opened_object_is_saved_with_its_bag_and_exported_by_its_own_name(
+    studied: Any, qtbot: QtBot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, panel, outer, *_ = studied
+    workspace, files, proposed = panel.workspace, panel.files, []
+
+    def asked(_parent: Any, _title: str, path: str, _kinds: str) -> tuple[str, str]:
+        proposed.append(Path(path).name)
+        return str(tmp_path / "scan.unpack"), ""
+
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", asked)
+    monkeypatch.setattr(files, "export_to", lambda *_: None)
+    outer.rename(1, "Tin: open?")
+    workspace.open_container(1)
+    workspace.session.rename(2, "Battery")
+    assert panel.unsaved.changed
+    press(qtbot, files.save)
+    qtbot.waitUntil(lambda: not files.progress.running, timeout=60000)
+    saved = nu.open_session(tmp_path / "scan.unpack")
+    np.testing.assert_array_equal(saved.labels, outer.labels)
+    assert saved.objects["name"][1] == "Tin: open?"
+    assert saved.opened_bags.open(saved, 1).objects["name"][2] == "Battery"
+    assert not panel.unsaved.changed
+    files.menu.actions()[1].trigger()
+    assert proposed == ["scan.unpack", "scan Tin open unpacking.mp4"]
 
 
 def test_background_box_and_scale_bar_are_those_of_the_bag(studied: Any) -> None:

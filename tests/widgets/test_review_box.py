@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import Qt
 
@@ -175,6 +176,40 @@ def test_doubts_about_the_bag_before_are_none_of_the_one_shown(
     panel.workspace.open(after)
     go_on.set()
     assert asked(panel, qtbot, 0).doubt.kind == "join"
+
+
+def test_a_question_of_labels_that_have_changed_since_is_neither_answered_nor_drawn(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    panel.objects.review.toggle.setChecked(True)
+    box = asked(panel, qtbot, 0)
+    tasks, found, go_on = session.review.doubts_task, threading.Event(), threading.Event()
+
+    def late() -> Any:
+        task = tasks()
+
+        def find(progress: Any) -> Any:
+            doubts_now = task.run(progress)
+            found.set()
+            assert go_on.wait(60)
+            return doubts_now
+
+        return replace(task, run=find)
+
+    monkeypatch.setattr(session.review, "doubts_task", late)
+    session.merge([BAR, CUBE])
+    # By key, before the panel has heard of it.
+    qtbot.keyClick(compat.native_canvas(viewer).native, Qt.Key.Key_K)
+    assert not panel.objects.repair.running
+    assert box.doubt is None
+    qtbot.waitUntil(found.is_set, timeout=20000)
+    monkeypatch.undo()
+    panel.commands.undo()
+    told = len(notification_manager.records)
+    go_on.set()
+    assert asked(panel, qtbot, 0).doubt.revision == session.label_data.revision
+    assert session.review.answers == ()
+    assert len(notification_manager.records) == told
 
 
 def test_what_is_in_the_bag_is_asked_first_and_the_rest_waits_until_it_is_restored(

@@ -440,7 +440,7 @@ def test_what_is_done_inside_a_container_is_asked_for_and_kept(
     (kept,) = recovery_folder().glob("*/*/session.json")
     bag = nu.io.open_session(kept.parent).opened_bags.open(workspace.session, 1)
     assert bag.state.placements.keys() == out
-    panel.files.save_to(tmp_path / "tin.unpack", session=workspace.document)
+    panel.files.save_to(tmp_path / "tin.unpack")
     qtbot.waitUntil(lambda: not panel.files.progress.running, timeout=60000)
     assert not panel.unsaved.changed
     (leftover,) = leftovers(crashed)

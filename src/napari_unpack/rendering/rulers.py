@@ -181,13 +181,16 @@ def number_places(
     Returns
     -------
     list of list of (2,) ndarray of float64
-        The middle of every number, row and column.
+        The middle of every number, row and column; outside the image where its line is.
     """
     taken = np.empty((sum(map(len, boxes)), 4))
     count = 0
 
-    def place(spot: Pixels, way: Pixels, along: Pixels, half: Pixels) -> Pixels:
+    def place(line: Pixels, spot: Pixels, way: Pixels, along: Pixels, half: Pixels) -> Pixels:
         nonlocal count
+        if not _within(line, size):
+            # At the edge it would seem to be of something there.
+            return -2 * half
         beside = spot + way * (AWAY * scale + float(np.abs(way) @ half))
         # A number outside the window could not be read.
         most = np.maximum(np.array(size) - half, half)
@@ -209,13 +212,23 @@ def number_places(
     ]
 
 
-def _spots(pixels: Pixels, scale: float) -> list[tuple[Pixels, Pixels, Pixels]]:
-    """Return a point, the way from it and that of its line, for each side and then an angle."""
+def _within(line: Pixels, size: tuple[int, int]) -> bool:
+    """Return whether any piece of a line is in an image: whether no axis parts them."""
+    half = np.array(size) / 2
+    way = (line[1:] - line[:-1]) / 2
+    middle = line[:-1] + way + 0.5 - half
+    aside = np.abs(middle[:, 0] * way[:, 1] - middle[:, 1] * way[:, 0])
+    near = (np.abs(middle) <= half + np.abs(way)).all(axis=1)
+    return bool((near & (aside <= np.abs(way[:, ::-1]) @ half)).any())
+
+
+def _spots(pixels: Pixels, scale: float) -> list[tuple[Pixels, Pixels, Pixels, Pixels]]:
+    """Return a line, a point at it, the way from it and along, for each side and then an angle."""
     if len(pixels) == 2:
         along = _unit(pixels[1] - pixels[0])
         beside = np.array([along[1], -along[0]])
         # Below a line, or at its right.
-        return [(pixels.mean(axis=0), beside if beside.sum() > 0 else -beside, along)]
+        return [(pixels, pixels.mean(axis=0), beside if beside.sum() > 0 else -beside, along)]
     sides = [_unit(end - pixels[1]) for end in pixels[[0, 2]]]
     beside = np.array([sides[0][1], -sides[0][0]])
     # Of a straight angle both sides are inside.
@@ -224,8 +237,10 @@ def _spots(pixels: Pixels, scale: float) -> list[tuple[Pixels, Pixels, Pixels]]:
     for own, other, end in zip(sides, sides[::-1], pixels[[0, 2]], strict=True):
         # Lengths stand outside, where the angle's number is not, and away from each other.
         outwards = _unit(own * (own @ other) - other, -beside)
-        spots.append((pixels[1] + OUT * (end - pixels[1]), outwards, own))
-    return [*spots, (pixels[1] + ARC * scale * inwards, inwards, inwards)]
+        spot = pixels[1] + OUT * (end - pixels[1])
+        spots.append((np.stack([pixels[1], end]), spot, outwards, own))
+    bow = arc(pixels, ARC * scale)
+    return [*spots, (bow, pixels[1] + ARC * scale * inwards, inwards, inwards)]
 
 
 def _unit(way: Pixels, otherwise: Pixels = DIAGONAL) -> Pixels:

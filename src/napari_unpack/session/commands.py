@@ -439,6 +439,7 @@ def edit_labels(
     """
     origins = {i: origin_of(edit.change, i) for i in new_hues}
     parts = {i: f"{state.names[o]}, part" for i, o in origins.items() if o in state.names}
+    noted = {i: state.notes[o] for i, o in origins.items() if o in state.notes}
     back = edit.change.reverse()
     said = state.names.keys() | state.colors.keys() | state.notes.keys() | state.flags.keys()
     heirs = {i: heir for i in sorted(said & taken_whole) if (heir := origin_of(back, i))}
@@ -451,10 +452,10 @@ def edit_labels(
         names=_inherited(state.names, heirs, known) | parts,
         measurements=_followed(state.measurements, edit, known, owner),
         colors=_inherited(state.colors, heirs, known),
-        notes=_joined(state.notes, heirs, known),
+        notes=_joined(state.notes, heirs, known) | noted,
         flags=_of_known(state.flags, known) | suspected,
         styles=_of_known(state.styles, known),
-        hidden=state.hidden & known,
+        hidden=(state.hidden & known) | {i for i, o in origins.items() if o in state.hidden},
         examples=state.examples & known,
         # Other objects may block each other now.
         queue=Queue(),

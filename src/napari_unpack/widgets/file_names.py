@@ -86,8 +86,8 @@ class FileNames:
         sources : sequence of napari layers
         what, suffix : str
         """
-        words = [bag_name(sources), what]
-        return str(Path(get_save_history()[0]) / (" ".join(filter(None, words)) + suffix))
+        words = [bag_name(sources), *FORBIDDEN.sub(" ", what).split()]
+        return str(Path(get_save_history()[0]) / (" ".join(words) + suffix))
 
     def wrote(self, path: Path) -> None:
         """Take note of the folder that was written into."""

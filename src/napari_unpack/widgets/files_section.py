@@ -257,7 +257,7 @@ class FilesSection(Section):
     def __init__(self, workspace: Workspace, unsaved: UnsavedWork) -> None:
         super().__init__("5", "Files")
         self._workspace, self._unsaved = workspace, unsaved
-        unsaved.save = self._ask_save_all
+        unsaved.save = self._ask_save
         self._names = FileNames()
         self._then: Callable[[Any], None] = lambda result: None
         self._failed: Call = lambda: None
@@ -293,7 +293,7 @@ class FilesSection(Section):
         self._arrange()
 
         self.open.clicked.connect(self._ask_open)
-        self.save.clicked.connect(self._ask_save)
+        self.save.clicked.connect(lambda: self._ask_save())
         self.label_names.clicked.connect(self._ask_names)
         self.progress.ended.connect(self._finish)
         workspace.switched.connect(self._refresh)
@@ -321,18 +321,10 @@ class FilesSection(Section):
             control.setToolTip(BUSY if busy else "Available after step 1." if lacking else use)
         self.lock(None)
 
-    def save_to(self, path: str | Path, session: Session | None = None) -> None:
-        """Save a session, with its volume, in a worker.
-
-        Parameters
-        ----------
-        path : str or Path
-        session : Session, optional
-            By default the one shown.
-        """
-        controller = self._workspace.controller
-        if controller is not None:
-            session = controller.session if session is None else session
+    def save_to(self, path: str | Path) -> None:
+        """Save the whole bag and its volume in a worker, also where an object of it is open."""
+        controller, session = self._workspace.controller, self._workspace.document
+        if controller is not None and session is not None:
             self._save(path, False, controller, session)
 
     def _save(
@@ -534,16 +526,9 @@ class FilesSection(Section):
         if path:
             self.name_from(path)
 
-    def _ask_save(self) -> None:
-        self._ask_where(self._workspace.session)
-
-    def _ask_save_all(self, then: Call, cancelled: Call) -> None:
-        self._ask_where(self._workspace.document, then, cancelled)
-
-    def _ask_where(
-        self, session: Session | None, then: Call = lambda: None, cancelled: Call = lambda: None
-    ) -> None:
-        controller = self._workspace.controller
+    def _ask_save(self, then: Call = lambda: None, cancelled: Call = lambda: None) -> None:
+        # All of the bag: what is done in an open object is part of it.
+        controller, session = self._workspace.controller, self._workspace.document
         if controller is None or session is None:
             cancelled()
             return
@@ -563,7 +548,9 @@ class FilesSection(Section):
         if controller is None:
             return
         suffixes = " ".join(f"*{suffix}" for suffix in kind.suffixes)
-        proposed = self._names.to_write(controller.sources, kind.word, kind.suffixes[0])
+        # An open object is written alone, and is not to replace what was written of its bag.
+        words = " ".join((*self._workspace.opened_names, kind.word))
+        proposed = self._names.to_write(controller.sources, words, kind.suffixes[0])
         answer = ask_where_to_write(
             self, kind.title, proposed, f"{kind.title} ({suffixes})", kind.suffixes
         )

@@ -55,6 +55,7 @@ class ReviewBox(Collapsible):
         )
         self._workspace, self._repair = workspace, repair
         self._left: list[Doubt] = []
+        self._asked = self._now()
         self.sentence = label("", "hint", wrap=True, rich=True)
         self.picture = QLabel()
         self.picture.setAlignment(Qt.AlignmentFlag.AlignCenter)
@@ -96,8 +97,16 @@ class ReviewBox(Collapsible):
 
     @property
     def doubt(self) -> Doubt | None:
-        """What is asked now."""
-        return self._left[0] if self._left else None
+        """What is asked now; None from a change of the labels or an answer until the next."""
+        # The panel hears of changes a moment later: a key must not answer meanwhile.
+        return self._left[0] if self._left and self._asked == self._now() else None
+
+    def _now(self) -> tuple[object, ...]:
+        """Return what the doubts depend on."""
+        session = self._workspace.session
+        if session is None:
+            return ()
+        return session, session.label_data.revision, session.review.answers
 
     def answer(self, said: Said, _checked: bool = False) -> None:
         """Answer what is asked now, and ask the next.
@@ -132,11 +141,11 @@ class ReviewBox(Collapsible):
     def _ask(self) -> None:
         """Have the doubts found, where somebody looks at them."""
         session = self._workspace.session
-        self._left = []
+        self._left, self._asked = [], self._now()
         task = None if session is None else session.review.doubts_task()
         if session is not None and task is not None and self.toggle.isChecked():
             self.sentence.setText("Looking for what is doubtful…")
-            take = partial(self._take, session, session.review.answers)
+            take = partial(self._take, session, self._asked)
             self._workspace.scheduler.submit(task, Worker.LONG, take, slot=SLOT)
         elif task is None:
             self.sentence.setText(
@@ -145,9 +154,9 @@ class ReviewBox(Collapsible):
             )
         self._enable()
 
-    def _take(self, session: Session, answers: object, left: list[Doubt]) -> None:
-        # Of another session, or of before the last answer: its own will come.
-        if session is not self._workspace.session or answers is not session.review.answers:
+    def _take(self, session: Session, asked: tuple[object, ...], left: list[Doubt]) -> None:
+        # Of another session, or of before the last change or answer: its own will come.
+        if asked != self._now():
             return
         # First what can be answered as it is; among equals the order stays.
         outside = session.label_editor.outside
@@ -158,6 +167,7 @@ class ReviewBox(Collapsible):
             self.sentence.setText(f"All is reviewed: {done} answered.")
         else:
             self._describe(doubt)
+            self.picture.setText("Drawing it close up…")
             pixels = round(SIDE * self.devicePixelRatioF())
             self._workspace.scheduler.submit(
                 session.review.picture_task(doubt, pixels),

@@ -186,6 +186,11 @@ class Workspace(QObject):
         """The objects that are open, one within another, the outermost first."""
         return tuple(bag.opened for bag in self._outer)
 
+    @property
+    def opened_names(self) -> tuple[str, ...]:
+        """What they are called."""
+        return tuple(str(bag.session.objects["name"][bag.opened]) for bag in self._outer)
+
     def open_container(self, object_id: int) -> None:
         """Show what is inside an object as a bag of its own.
 
