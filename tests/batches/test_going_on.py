@@ -80,6 +80,27 @@ def test_lost_labels_and_a_lost_session_are_made_again(
     assert [one.scan for one in results_in(output)] == ["renamed"]
 
 
+def test_lost_pages_and_pictures_are_drawn_again_of_the_bag_as_it_was(
+    client: Any, tmp_path: Path
+) -> None:
+    scan, output = make_bag(tmp_path / "a.npz", 0), tmp_path / "out"
+    (first,) = nu.batch(scan, output, client).results
+    drawn = [output / first.folder / name for name in ("objects.html", "picture.png")]
+    before = [file.read_bytes() for file in drawn]
+    file = output / first.folder / "session.unpack"
+    session = nu.open_session(file)
+    session.unpack(2)
+    nu.save_session(session, file)
+    left = file.read_bytes()
+    for lost in drawn:
+        lost.unlink()
+    (again,) = nu.batch(scan, output, client).results
+    assert (again.status, again.notes) == ("kept", first.notes)
+    assert [file.read_bytes() for file in drawn] == before
+    assert file.read_bytes() == left
+    assert "picture.png" in (output / "index.html").read_text("utf-8")
+
+
 def test_scans_of_one_content_have_folders_of_their_own_whatever_letters_their_names_have(
     client: Any, tmp_path: Path
 ) -> None:
