@@ -101,6 +101,23 @@ def test_lost_pages_and_pictures_are_drawn_again_of_the_bag_as_it_was(
     assert "picture.png" in (output / "index.html").read_text("utf-8")
 
 
+def test_files_of_one_name_that_come_one_after_another_are_two_scans(
+    client: Any, tmp_path: Path
+) -> None:
+    output = tmp_path / "out"
+    for seed, day in enumerate(("monday", "tuesday")):
+        (tmp_path / day).mkdir()
+        make_bag(tmp_path / day / "scan.npz", seed)
+    names = {"monday": "scan", "tuesday": "tuesday-scan"}
+    for day in ("monday", "tuesday", "tuesday", "monday"):
+        report = nu.batch(tmp_path / day, output, client, **QUICK)
+        assert [one.scan for one in report.results] == [names[day]]
+    assert report.objects.groupby("scan").size().to_dict() == {"scan": 3, "tuesday-scan": 3}
+    for day, name in names.items():
+        volume = load_volume(tmp_path / day / "scan.npz").volume
+        assert np.array_equal(nu.open_session(session_in(output, name)).volume, volume)
+
+
 def test_scans_of_one_content_have_folders_of_their_own_whatever_letters_their_names_have(
     client: Any, tmp_path: Path
 ) -> None:
