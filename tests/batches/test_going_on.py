@@ -12,6 +12,7 @@ from dask_pair import make_bag
 
 import napari_unpack as nu
 from napari_unpack.batches.results import results_in, session_in
+from napari_unpack.batches.run_settings import Settings, check_folder, claim_folder
 from napari_unpack.io import load_labels, load_volume
 
 pytest.importorskip("distributed")
@@ -116,6 +117,19 @@ def test_files_of_one_name_that_come_one_after_another_are_two_scans(
     for day, name in names.items():
         volume = load_volume(tmp_path / day / "scan.npz").volume
         assert np.array_equal(nu.open_session(session_in(output, name)).volume, volume)
+
+
+def test_of_two_runs_that_begin_together_with_other_settings_one_is_refused(tmp_path: Path) -> None:
+    output, mine, theirs = tmp_path / "out", Settings(), Settings(labels="zarr")
+    for settings in (mine, theirs):
+        check_folder(output, settings)
+    claim_folder(output, theirs, force=False)
+    with pytest.raises(ValueError, match=r"other settings \(labels zarr there and npz now\)"):
+        claim_folder(output, mine, force=False)
+    check_folder(output, theirs)
+    claim_folder(output, theirs, force=False)
+    claim_folder(output, mine, force=True)
+    check_folder(output, mine)
 
 
 def test_scans_of_one_content_have_folders_of_their_own_whatever_letters_their_names_have(

@@ -159,7 +159,7 @@ def batch(
             speak("the cluster has no worker yet: waiting for one")
         check_workers(cluster, folder)
         # No sooner: what keeps a run from beginning leaves the folder as it is.
-        claim_folder(folder, settings)
+        claim_folder(folder, settings, force)
         speak(_described(cluster))
         place = (folder, settings, large)
         for result in _results(cluster, scans, place, known, threads, speak):
