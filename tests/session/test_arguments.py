@@ -123,6 +123,7 @@ REFUSED: dict[str, tuple[str, Callable[[Session], Any]]] = {
     "least of text": ("take_least_occluded must be True", sets("take_least_occluded", "False")),
     "least of 1": ("take_least_occluded must be True", sets("take_least_occluded", 1)),
     "rules of text": ("take_least_occluded", lambda s: UnpackingRules(take_least_occluded="no")),
+    "unpack True": ("n_or_ids must be object IDs", lambda s: s.unpack(True)),
     "unpack 2.0": ("n_or_ids must be object IDs", lambda s: s.unpack(2.0)),
     "unpack an array of none": ("n_or_ids must be", lambda s: s.unpack(np.array(2))),
     "hide an array of none": ("^ids must be object IDs", lambda s: s.hide(np.array(3))),
