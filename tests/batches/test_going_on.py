@@ -12,6 +12,7 @@ from dask_pair import make_bag
 
 import napari_unpack as nu
 from napari_unpack.batches.results import results_in, session_in
+from napari_unpack.batches.run_settings import Settings, check_folder, claim_folder
 from napari_unpack.io import load_labels, load_volume
 
 pytest.importorskip("distributed")
@@ -78,6 +79,57 @@ def test_lost_labels_and_a_lost_session_are_made_again(
     assert nu.open_session(session_in(output, "renamed")).step == 0
     # In its place, and not beside it.
     assert [one.scan for one in results_in(output)] == ["renamed"]
+
+
+def test_lost_pages_and_pictures_are_drawn_again_of_the_bag_as_it_was(
+    client: Any, tmp_path: Path
+) -> None:
+    scan, output = make_bag(tmp_path / "a.npz", 0), tmp_path / "out"
+    (first,) = nu.batch(scan, output, client).results
+    drawn = [output / first.folder / name for name in ("objects.html", "picture.png")]
+    before = [file.read_bytes() for file in drawn]
+    file = output / first.folder / "session.unpack"
+    session = nu.open_session(file)
+    session.unpack(2)
+    nu.save_session(session, file)
+    left = file.read_bytes()
+    for lost in drawn:
+        lost.unlink()
+    (again,) = nu.batch(scan, output, client).results
+    assert (again.status, again.notes) == ("kept", first.notes)
+    assert [file.read_bytes() for file in drawn] == before
+    assert file.read_bytes() == left
+    assert "picture.png" in (output / "index.html").read_text("utf-8")
+
+
+def test_files_of_one_name_that_come_one_after_another_are_two_scans(
+    client: Any, tmp_path: Path
+) -> None:
+    output = tmp_path / "out"
+    for seed, day in enumerate(("monday", "tuesday")):
+        (tmp_path / day).mkdir()
+        make_bag(tmp_path / day / "scan.npz", seed)
+    names = {"monday": "scan", "tuesday": "tuesday-scan"}
+    for day in ("monday", "tuesday", "tuesday", "monday"):
+        report = nu.batch(tmp_path / day, output, client, **QUICK)
+        assert [one.scan for one in report.results] == [names[day]]
+    assert report.objects.groupby("scan").size().to_dict() == {"scan": 3, "tuesday-scan": 3}
+    for day, name in names.items():
+        volume = load_volume(tmp_path / day / "scan.npz").volume
+        assert np.array_equal(nu.open_session(session_in(output, name)).volume, volume)
+
+
+def test_of_two_runs_that_begin_together_with_other_settings_one_is_refused(tmp_path: Path) -> None:
+    output, mine, theirs = tmp_path / "out", Settings(), Settings(labels="zarr")
+    for settings in (mine, theirs):
+        check_folder(output, settings)
+    claim_folder(output, theirs, force=False)
+    with pytest.raises(ValueError, match=r"other settings \(labels zarr there and npz now\)"):
+        claim_folder(output, mine, force=False)
+    check_folder(output, theirs)
+    claim_folder(output, theirs, force=False)
+    claim_folder(output, mine, force=True)
+    check_folder(output, mine)
 
 
 def test_scans_of_one_content_have_folders_of_their_own_whatever_letters_their_names_have(

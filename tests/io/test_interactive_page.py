@@ -317,6 +317,15 @@ def test_it_is_html_and_cancelling_leaves_no_file(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_progress_goes_on_and_never_back(tmp_path: Path) -> None:
+    seen: list[float] = []
+    path = tmp_path / "a.html"
+    save_interactive_page(bag(), path, progress=lambda done, _: seen.append(done), backend="cpu")
+    assert seen == sorted(seen)
+    # The pictures, which take longest, are told as they are drawn.
+    assert len({done for done in seen if 0.8 <= done < 1}) > 4
+
+
 def test_one_of_two_that_left_together_is_hidden_and_the_other_is_shown(tmp_path: Path) -> None:
     # Two that hook into each other, so that neither leaves alone.
     labels = np.zeros((8, 10, 10), np.uint8)

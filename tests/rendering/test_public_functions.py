@@ -64,6 +64,9 @@ def test_an_object_seen_beside_another_is_behind_it_by_pixel_but_not_by_object(p
         assert (left.tolist(), right.tolist()) == ([7, 9, 0, 0], [5, 9, 0, 0])
     with pytest.raises(ValueError, match="peeling must be"):
         rendering.object_id_layers(labels, peeling="volume")
+    for layers in ("a", None, np.nan, 1.5):
+        with pytest.raises((TypeError, ValueError), match="layers must be a"):
+            rendering.object_id_layers(labels, layers=layers)
 
 
 def test_hidden_objects_are_as_air_everywhere() -> None:
@@ -336,6 +339,7 @@ TOO_LARGE = (
         ({"tints": {"2": (1, 0, 0)}}, TypeError, "tints must hold object IDs"),
         ({"tints": {1: (1, 2, 0)}}, ValueError, "tints"),
         ({"tints": {1: (1, 0)}}, ValueError, "tints"),
+        ({"tints": {1: "red"}}, ValueError, "tints must be .* got 'red'"),
         ({"step": 0.0}, ValueError, "step"),
         ({"step": 1e-12}, ValueError, "step must be a number of mm, .* of the shortest voxel"),
         ({"step": 1e300}, ValueError, "step must be a number of mm, .* to 1e"),

@@ -183,6 +183,8 @@ def test_large_ids_without_a_sign_are_told_apart():
     labels = np.zeros((8, 8, 8), np.uint64)
     labels[:3], labels[5:] = 2**60, 2**60 + 1
     assert score(labels, labels)["true_objects"] == 2
+    with pytest.raises(ValueError, match=r"found must be below 2\*\*63"):
+        score_objects(labels, np.where(labels, np.uint64(2**63), labels))
 
 
 def test_every_number_of_a_score_is_explained():

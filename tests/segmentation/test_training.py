@@ -90,6 +90,12 @@ def test_labels_and_spacings_that_cannot_be_learned_from_are_refused(labels, spa
         train([bag])
 
 
+@pytest.mark.parametrize("seed", [None, -1, 1.5, True])
+def test_a_seed_that_is_none_is_named(seed):
+    with pytest.raises(ValueError, match="seed must be a whole number"):
+        train([], seed)
+
+
 def test_the_size_of_an_id_changes_nothing():
     bag = simulate_bag(seed=3, shape=(40, 44, 52), count=6)
     known = oracle_examples(bag)

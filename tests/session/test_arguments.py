@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from bags import session_of, stack_of_plates
 
 import napari_unpack as nu
 from napari_unpack.geometry.transforms import Pose
+from napari_unpack.io import save_objects_csv
 from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session import Session
 from napari_unpack.session.bag_cut import Cutting
@@ -121,6 +123,7 @@ REFUSED: dict[str, tuple[str, Callable[[Session], Any]]] = {
     "least of text": ("take_least_occluded must be True", sets("take_least_occluded", "False")),
     "least of 1": ("take_least_occluded must be True", sets("take_least_occluded", 1)),
     "rules of text": ("take_least_occluded", lambda s: UnpackingRules(take_least_occluded="no")),
+    "unpack True": ("n_or_ids must be object IDs", lambda s: s.unpack(True)),
     "unpack 2.0": ("n_or_ids must be object IDs", lambda s: s.unpack(2.0)),
     "unpack an array of none": ("n_or_ids must be", lambda s: s.unpack(np.array(2))),
     "hide an array of none": ("^ids must be object IDs", lambda s: s.hide(np.array(3))),
@@ -249,6 +252,23 @@ def test_numbers_in_the_table_serve_as_names(names: list[Any]) -> None:
     session.rename(2, "a shoe")
     third = "Object 3" if names[2] is None else "3"
     assert session.objects.name.tolist() == ["1", "a shoe", third, "4", "5"]
+
+
+def test_a_table_read_from_a_file_is_known_by_its_column_id(tmp_path: Path) -> None:
+    names = {4: "tray", 2: "lid", 1: "cup", 5: "dish"}
+    table = pd.DataFrame({"name": names}).rename_axis("id")
+    read = pd.read_csv(save_objects_csv(table, tmp_path / "objects.csv"))
+    for given in (read, read[read["name"] != "tray"]):
+        objects = session_of(stack_of_plates(), objects=given).objects
+        assert objects["name"].to_dict() == {1: "cup", 2: "lid", 3: "Object 3", 5: "dish"} | {
+            4: "tray" if given is read else "Object 4"
+        }
+        assert "id" not in objects
+    # A person's own, beside IDs that are called so.
+    own = table.assign(id=[7, 8, 9, 10])
+    assert session_of(stack_of_plates(), objects=own).objects.loc[4, "id"] == 7
+    with pytest.raises(ValueError, match="each ID once"):
+        session_of(stack_of_plates(), objects=pd.concat([read, read], ignore_index=True))
 
 
 def test_a_name_made_of_a_kind_keeps_its_letters_but_for_the_first() -> None:

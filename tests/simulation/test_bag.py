@@ -139,6 +139,9 @@ def test_a_table_lies_below_the_bag_and_is_background():
         ({"spacing": (1, 1)}, "spacing"),
         ({"spacing": (1, np.nan, 1)}, "spacing"),
         ({"spacing": "fine"}, "spacing"),
+        ({"spacing": (1e-300,) * 3}, "spacing"),
+        ({"spacing": (1e10,) * 3}, "spacing"),
+        ({"spacing": (1, 1, 1000)}, "no object found room"),
     ],
 )
 def test_a_bad_argument_is_named(arguments, named):

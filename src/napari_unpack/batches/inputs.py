@@ -88,7 +88,7 @@ def find_inputs(asked: Iterable[str | Path]) -> list[ScanInput]:
             found.setdefault(key, scan)
     if not found:
         raise ValueError("no scans: name files, folders, patterns or a table of volumes")
-    return _told_apart(list(found.values()))
+    return told_apart(list(found.values()))
 
 
 def _paths(asked: str) -> list[Path]:
@@ -247,9 +247,17 @@ def _spacing(value: Any, where: str) -> Spacing | None:
         ) from error
 
 
-def _told_apart(scans: list[ScanInput]) -> list[ScanInput]:
-    """Return scans with names that differ, also where upper and lower case are one."""
-    counts = Counter(scan.name.lower() for scan in scans)
+def told_apart(scans: list[ScanInput], taken: Iterable[str] = ()) -> list[ScanInput]:
+    """Return scans with names that differ, also where upper and lower case are one.
+
+    Parameters
+    ----------
+    scans : list of ScanInput
+    taken : iterable of str
+        Names of other scans.
+    """
+    given = {name.lower() for name in taken}
+    counts = Counter([*given, *(scan.name.lower() for scan in scans)])
     # Such as many patients' folders with a file of one name each.
     longer = [
         replace(s, name=printable(f"{s.volume.parent.name}-{s.name}"))
@@ -257,7 +265,7 @@ def _told_apart(scans: list[ScanInput]) -> list[ScanInput]:
         else s
         for s in scans
     ]
-    own, given, told = {scan.name.lower() for scan in longer}, set[str](), []
+    own, told = {scan.name.lower() for scan in longer}, []
     for scan in longer:
         name, number = scan.name, 1
         # Neither a name that was made nor one that another scan has of its own.

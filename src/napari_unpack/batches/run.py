@@ -18,7 +18,7 @@ from napari_unpack.batches.cluster import (
     threads_by_host,
 )
 from napari_unpack.batches.index_page import write_index
-from napari_unpack.batches.inputs import ScanInput, find_inputs
+from napari_unpack.batches.inputs import ScanInput, find_inputs, told_apart
 from napari_unpack.batches.object_rows import join_object_rows
 from napari_unpack.batches.results import OBJECTS, ScanResult, note_names, results_in
 from napari_unpack.batches.run_settings import (
@@ -149,6 +149,9 @@ def batch(
     if not force:
         check_folder(folder, settings)
     found, speak = list(results_in(folder)), say or (lambda _: None)
+    sources = {scan.source for scan in scans}
+    # Those of earlier calls keep the names that people know them by.
+    scans = told_apart(scans, [one.scan for one in found if one.source not in sources])
     _check_disk(folder, scans, found, settings)
     known = {one.identity: one.folder for one in found}
     done: dict[str, ScanResult] = {}
@@ -157,7 +160,7 @@ def batch(
             speak("the cluster has no worker yet: waiting for one")
         check_workers(cluster, folder)
         # No sooner: what keeps a run from beginning leaves the folder as it is.
-        claim_folder(folder, settings)
+        claim_folder(folder, settings, force)
         speak(_described(cluster))
         place = Place(folder, settings, large=large)
         for result in _results(cluster, scans, place, known, threads, speak):
@@ -175,7 +178,7 @@ def batch(
         one
         for one in {(one.source, one.scan): one for one in results_in(folder)}.values()
         if one.settings == identity_of_settings(settings)
-        and one.source not in {scan.source for scan in results}
+        and one.source not in sources
         and (one.folder not in named or Path(one.source).exists())
     ]
     return BatchReport(folder, results, _write_report(folder, [*results, *others]))

@@ -146,7 +146,7 @@ def check_folder(output: Path, settings: Settings) -> None:
         raise ValueError(f"{output} holds a run with other settings ({changes}): {remedy}")
 
 
-def claim_folder(output: Path, settings: Settings) -> None:
+def claim_folder(output: Path, settings: Settings, force: bool) -> None:
     """Make a folder this run's; what is in it already stays.
 
     Parameters
@@ -154,8 +154,20 @@ def claim_folder(output: Path, settings: Settings) -> None:
     output : Path
         Made where it is missing.
     settings : Settings
+    force : bool
+        Even where `check_folder` refuses it.
+
+    Raises
+    ------
+    ValueError
+        If another run has taken it since it was checked.
     """
-    (output / SCANS).mkdir(parents=True, exist_ok=True)
+    try:
+        # Of two that begin together, one makes it.
+        (output / SCANS).mkdir(parents=True)
+    except FileExistsError:
+        if not force:
+            check_folder(output, settings)
     manifest = {"format": FORMAT, "form": VERSION, "settings": settings.record()}
     with written_atomically(output / RUN) as temporary:
         temporary.write_text(json.dumps(manifest, indent=1), encoding="utf-8")

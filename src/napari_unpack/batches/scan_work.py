@@ -151,13 +151,13 @@ def _mended(there: Path, scan: ScanInput, data: Scan, place: Place) -> tuple[str
     """Mend what can be; what cannot is said, and the result stays as it is."""
     try:
         _mend(there, scan, data, place)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, ImportError) as error:
         return (printable(" ".join(str(error).split())),)
     return ()
 
 
 def _mend(there: Path, scan: ScanInput, data: Scan, place: Place) -> None:
-    """Write labels that are lost, and have a session refer to its volume, wherever that is now.
+    """Make what is lost again, and have a session refer to its volume, wherever that is now.
 
     A person may have gone on with the session: what is in it stays.
     """
@@ -167,13 +167,18 @@ def _mend(there: Path, scan: ScanInput, data: Scan, place: Place) -> None:
     file, settings = there / SESSION, place.settings
     found = settings.copies or _finds_volume(file, scan, data, place.large)
     labelled = (there / LABELS[settings.labels]).exists()
-    if found and labelled:
+    undrawn = [name for name in _drawings(settings) if not (there / name).exists()]
+    if found and labelled and not undrawn:
         return
     session = open_session(file, data.volume, large=place.large)
     if not labelled:
         _write_labels(session, data, settings, there)
     if not found:
         save_session(session, file, False, scan.volume, standing=standing_of(file))
+    if undrawn:
+        # Last: what a person took out is drawn in the bag, with the way out of all the others.
+        _plan(session)
+        _draw(session, scan.name, undrawn, there)
 
 
 def _finds_volume(session: Path, scan: ScanInput, data: Scan, large: bool) -> bool:
@@ -200,22 +205,34 @@ def _plan(session: Session) -> None:
 
 
 def _write(session: Session, scan: ScanInput, data: Scan, settings: Settings, folder: Path) -> None:
-    from napari_unpack.io import movie, save_objects_page, save_png, save_session
+    from napari_unpack.io import save_session
+
+    _draw(session, scan.name, _drawings(settings), folder)
+    _write_labels(session, data, settings, folder)
+    save_session(session, folder / SESSION, settings.copies, volume_path=scan.volume)
+
+
+def _drawings(settings: Settings) -> list[str]:
+    """Return the files that are drawn of each scan."""
+    return [PAGE, PICTURE] * settings.pictures + [FILM] * settings.film
+
+
+def _draw(session: Session, title: str, files: list[str], folder: Path) -> None:
+    from napari_unpack.io import movie, save_objects_page, save_png
     from napari_unpack.rendering.compose import scene_image
     from napari_unpack.session.framing import fitted
 
-    if settings.pictures:
-        save_objects_page(session, folder / PAGE, scan.name, backend="cpu", planned=True)
+    if PAGE in files:
+        save_objects_page(session, folder / PAGE, title, backend="cpu", planned=True)
+    if PICTURE in files:
         session.canvas_size = PICTURE_SIZE
         camera = fitted(session)
         session.look(camera)
         save_png(
             scene_image(session.scene(), camera, PICTURE_SIZE, backend="cpu"), folder / PICTURE
         )
-    if settings.film:
+    if FILM in files:
         movie(session, folder / FILM, backend="cpu")
-    _write_labels(session, data, settings, folder)
-    save_session(session, folder / SESSION, settings.copies, volume_path=scan.volume)
 
 
 def _write_labels(session: Session, data: Scan, settings: Settings, folder: Path) -> None:

@@ -108,7 +108,10 @@ def checked_spacing(spacing: ArrayLike, name: str = "spacing") -> NDArray[np.flo
     ValueError
         If it is not three positive finite numbers, or no microscope and no telescope has such.
     """
-    mm = fixed(spacing)
+    try:
+        mm = fixed(spacing)
+    except (TypeError, ValueError):
+        mm = np.zeros(0)
     if mm.shape != (3,) or not (np.isfinite(mm) & (mm > 0)).all():
         raise ValueError(f"{name} must be three positive numbers of mm (z, y, x), got {spacing!r}")
     if mm.min() < 1 / LARGEST_SPACING or mm.max() > min(LARGEST_SPACING, STRETCHED * mm.min()):

@@ -150,10 +150,13 @@ def save_interactive_page(
 
 
 def _unpack_all(shown: Session, share: Share) -> None:
-    count = packed_count(shown)
-    with CANCELLING.by(share):
-        while packed_count(shown) and shown.go_to(shown.step + 1):
-            share(1 - packed_count(shown) / count)
+    count, gone = packed_count(shown), 0
+    while gone < count:
+        # How many leave together is known once they have.
+        with CANCELLING.by(share.part(gone / count, gone / count)):
+            if not shown.go_to(shown.step + 1):
+                return
+        gone = count - packed_count(shown)
 
 
 def _heights(shown: Session) -> list[float]:
@@ -288,12 +291,13 @@ def _stills(
 
     last, made, poses = len(shown.steps), [], shown.poses
     scene = shown.scene()
-    for step in share.over(sorted({0, (last + 1) // 2, last})):
+    steps = sorted({0, (last + 1) // 2, last})
+    for k, step in enumerate(steps):
         out = {i for group in shown.steps[:step] for i in group}
         packed = frozenset(poses.keys() - out)
         there = {i: pose for i, pose in poses.items() if i in out}
         now = replace(scene, packed=packed, poses=there)
-        with CANCELLING.by(share):
+        with CANCELLING.by(share.part(k / len(steps), (k + 1) / len(steps))):
             image = scene_image(now, replace(camera, height=heights[step]), WINDOW, None, backend)
         # Two thirds of a PNG's bytes and more; browsers with no WebGL 2 know it as well.
         data = iio.imwrite("<bytes>", straight_bytes(image), extension=".webp", quality=85)

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.appearance import Decorations, TransferFunction
 from napari_unpack.appearance.interference_graph import checked_layers
-from napari_unpack.geometry.axes import checked_spacing, transform_points, unit
+from napari_unpack.geometry.axes import checked_spacing, number, transform_points, unit
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts, SparseTable, Table
 from napari_unpack.geometry.shading import Shading
@@ -129,7 +129,7 @@ def object_id_layers(
     presented in the previous layers". An object that is seen beside another is then in no layer
     behind it; peeling by pixel keeps it, and is the default.
     """
-    if int(layers) != layers or layers < 1:
+    if number(layers, "layers") % 1 or layers < 1:
         raise ValueError(f"layers must be a positive integer, got {layers!r}")
     # int64 for large IDs, beside the kernels' int32.
     pixels = checked_size(size, 12 * int(layers))

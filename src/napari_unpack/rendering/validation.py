@@ -81,7 +81,10 @@ class Labels:
         table = np.ones((self.size, 4), np.float32)
         given = tints or {}
         for object_id, tint in zip(checked_ids(given, "tints"), given.values(), strict=True):
-            colour = np.asarray(tint, dtype=np.float32)
+            try:
+                colour = np.asarray(tint, dtype=np.float32)
+            except (TypeError, ValueError):
+                colour = np.zeros(0, np.float32)
             if colour.shape not in ((3,), (4,)) or not ((colour >= 0) & (colour <= 1)).all():
                 raise ValueError(
                     f"tints must be three or four numbers from 0 to 1, got {tint!r} "

@@ -211,7 +211,9 @@ def segment(
     if judge is not None:
         raise TypeError('judge= is gone with method="affinity"; pass oracle= with method="cuts"')
     if oracle is not None and not callable(oracle):
-        raise TypeError(f"oracle must be None or a function of a region, got {oracle!r}")
+        raise TypeError(
+            f"oracle must be None or a function of a region, as Oracle.load gives, got {oracle!r}"
+        )
     source = source_of(volume)
     size = checked_spacing(spacing)
     level = checked_foreground(foreground)

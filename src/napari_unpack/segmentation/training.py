@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from napari_unpack.geometry.axes import is_integer
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.relabeling import MOST_OBJECTS, compact_labels
 from napari_unpack.segmentation.common.adjacency import find_neighbours
@@ -112,8 +113,11 @@ def train(bags: Iterable[Labelled], seed: int = 0, progress: Progress | None = N
     Raises
     ------
     TypeError, ValueError
-        If a volume cannot be used, see `oracle_examples`, or there are fewer than eight objects.
+        If a volume cannot be used, see `oracle_examples`, there are fewer than eight objects, or
+        the seed is no whole number of 0 or more.
     """
+    if not is_integer(seed) or seed < 0:
+        raise ValueError(f"seed must be a whole number of 0 or more, got {seed!r}")
     return relayed(lambda report: _trained(bags, seed, Share(report)), progress)
 
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.appearance import Decorations
 from napari_unpack.appearance.tints import Mode
-from napari_unpack.geometry.axes import Matrix, Vector
+from napari_unpack.geometry.axes import Matrix, Vector, is_integer
 from napari_unpack.geometry.length_unit import LengthUnit
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.geometry.view import Camera, View
@@ -388,7 +388,7 @@ class Document:
     def how_many_or_which(self, n_or_ids: int | Iterable[int]) -> int | list[int]:
         """Return a number of at least 1, or known IDs."""
         # One number is how many; a single ID comes in a list.
-        if isinstance(n_or_ids, int | np.integer):
+        if is_integer(n_or_ids):
             return checked_count(int(n_or_ids))
         return self.checked(n_or_ids, "n_or_ids")
 

@@ -47,7 +47,8 @@ def object_table(
     spacing : (3,) ndarray of float64
         Voxel size in mm, z y x.
     given : DataFrame, optional
-        Indexed by ID. Its columns are kept, its rows of other objects dropped.
+        Indexed by ID, or with whole numbers in a column `id` and an index without a name. Its
+        columns are kept, its rows of other objects dropped.
     given_ids : (M,) ndarray of int64, optional
         By ID, the one people know it by: in the index of `given`, in names, and in a column
         `label` of the table, unless the given one has another. None where that is the ID itself.
@@ -61,10 +62,11 @@ def object_table(
     Raises
     ------
     ValueError
-        If the given table's index holds an ID twice, a column's name is not one or not its own,
+        If the given table holds an ID twice, a column's name is not one or not its own,
         or words stand where numbers belong.
     """
     import pandas as pd
+    from pandas.api.types import is_integer_dtype
 
     means, centers = _measure(volume, labels, int(boxes.ids[-1]))
     ids = boxes.ids
@@ -84,12 +86,16 @@ def object_table(
         found.insert(0, "label", known_by)
     if given is None:
         return found
-    if not given.index.is_unique:
-        raise ValueError("objects must have each ID once in its index")
     if given.columns.nlevels > 1 or not given.columns.is_unique:
         raise ValueError(
             f"objects must have one name for each column, and each once, got {[*given.columns]}"
         )
+    if given.index.name is None and "id" in given and is_integer_dtype(given["id"]):
+        # As pandas reads it from a .csv. A person's own column `id` may stay: its index is named,
+        # or its words are no numbers.
+        given = given.set_index("id")
+    if not given.index.is_unique:
+        raise ValueError("objects must have each ID once in its index, or its column 'id'")
     known = _plain_columns(given.reindex(known_by).set_index(found.index))
     if given_ids is not None and not _says_ids(known, known_by):
         del found["label"]

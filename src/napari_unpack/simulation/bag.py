@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from napari_unpack.geometry.axes import is_integer, triple
+from napari_unpack.geometry.axes import checked_spacing, is_integer, triple
 from napari_unpack.simulation.packing import Packing, Record
 from napari_unpack.simulation.planning import plan, trifle
 from napari_unpack.simulation.projection import ProjectionScanner
@@ -88,7 +88,7 @@ def simulate_bag(
     Raises
     ------
     ValueError
-        If an argument is not as described; the sentence names it.
+        If an argument is not as described, which the sentence names, or no object finds room.
 
     Notes
     -----
@@ -113,6 +113,10 @@ def simulate_bag(
     in_vain = 0
     while len(packing.records) < count and in_vain < VAIN_TRIES:
         in_vain += not packing.add(trifle(rng, size, mm), rng)
+    if not packing.records:
+        raise ValueError(
+            f"no object found room: shape {size} of voxels of {triple(mm)} mm is too small for any"
+        )
     # Densities are added up, and the room kept things out of the fabric.
     report(0.8, "Scanning the bag")
     shell.paint(packing.density)
@@ -167,12 +171,4 @@ def _checked(
         raise ValueError(f"count must be a whole number, got {count!r}")
     if not 1 <= count <= MOST_OBJECTS:
         raise ValueError(f"count must be from 1 to {MOST_OBJECTS}, got {count!r}")
-    try:
-        mm = np.asarray(spacing, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(
-            f"spacing must be three numbers in mm (z, y, x), got {spacing!r}"
-        ) from None
-    if mm.shape != (3,) or not np.isfinite(mm).all() or (mm <= 0).any():
-        raise ValueError(f"spacing must be three positive numbers in mm (z, y, x), got {spacing!r}")
-    return (int(size[0]), int(size[1]), int(size[2])), mm
+    return (int(size[0]), int(size[1]), int(size[2])), checked_spacing(spacing)

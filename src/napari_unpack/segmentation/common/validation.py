@@ -301,7 +301,7 @@ def checked_labels(labels: ArrayLike, name: str) -> NDArray[np.integer]:
     TypeError
         If it does not hold integers.
     ValueError
-        If it is not 3D, is empty, or holds a negative label.
+        If it is not 3D, is empty, or holds a negative label or one above int64.
     """
     array = np.asarray(labels)
     if array.dtype.kind == "b":
@@ -313,6 +313,9 @@ def checked_labels(labels: ArrayLike, name: str) -> NDArray[np.integer]:
         raise ValueError(f"{name} must have 3 axes (z, y, x) and voxels, got shape {array.shape}")
     if array.min() < 0:
         raise ValueError(f"{name} must not hold negative labels, got {array.min()}")
+    # Tables of IDs are int64.
+    if array.max() > np.iinfo(np.int64).max:
+        raise ValueError(f"{name} must be below 2**63, got {array.max()}; renumber them")
     return array
 
 
