@@ -332,9 +332,8 @@ def _order(
     from napari_unpack.io.report import volume_unit_of
 
     session = open_input(source, labels, direction, view, backend, at, large)
-    # An input without a session of its own is in mm, and its volumes in cm³.
     volumes = volume_unit_of(session)
-    title = f"volume {volumes.name}".replace("³", "3")
+    title = "volume " + volumes.name.replace("³", "3")
     typer.echo(f"{'step':>4}  {'id':>5}  {'name':<24}{title:>14}{'density':>9}")
     # A saved session may be unpacked in part: its own steps come first, and count.
     gone = session.steps[: session.step]
