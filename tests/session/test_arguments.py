@@ -266,7 +266,8 @@ def test_a_table_read_from_a_file_is_known_by_its_column_id(tmp_path: Path) -> N
         assert "id" not in objects
     # A person's own, beside IDs that are called so.
     own = table.assign(id=[7, 8, 9, 10])
-    assert session_of(stack_of_plates(), objects=own).objects.loc[4, "id"] == 7
+    for given in (own, own.rename_axis(None)):
+        assert session_of(stack_of_plates(), objects=given).objects.loc[4, "id"] == 7
     with pytest.raises(ValueError, match="each ID once"):
         session_of(stack_of_plates(), objects=pd.concat([read, read], ignore_index=True))
 

@@ -47,8 +47,8 @@ def object_table(
     spacing : (3,) ndarray of float64
         Voxel size in mm, z y x.
     given : DataFrame, optional
-        Indexed by ID, or with whole numbers in a column `id` and an index without a name. Its
-        columns are kept, its rows of other objects dropped.
+        Indexed by ID, or with the IDs in a column `id` and an index without a name. Its columns
+        are kept, its rows of other objects dropped.
     given_ids : (M,) ndarray of int64, optional
         By ID, the one people know it by: in the index of `given`, in names, and in a column
         `label` of the table, unless the given one has another. None where that is the ID itself.
@@ -91,9 +91,9 @@ def object_table(
             f"objects must have one name for each column, and each once, got {[*given.columns]}"
         )
     if given.index.name is None and "id" in given and is_integer_dtype(given["id"]):
-        # As pandas reads it from a .csv. A person's own column `id` may stay: its index is named,
-        # or its words are no numbers.
-        given = given.set_index("id")
+        # As pandas reads it from a .csv: no object is 0. A person's own column of that name stays.
+        if 0 in given.index or given["id"].isin(known_by).all():
+            given = given.set_index("id")
     if not given.index.is_unique:
         raise ValueError("objects must have each ID once in its index, or its column 'id'")
     known = _plain_columns(given.reindex(known_by).set_index(found.index))
