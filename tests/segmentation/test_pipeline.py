@@ -225,7 +225,7 @@ def test_without_cuts_an_oracle_gives_the_confidence_and_changes_no_object():
     judged = segment(volume, oracle=lambda region: 0.25 if region.values.mean() < 1200 else 7)
     np.testing.assert_array_equal(judged.labels, alone.labels)
     assert sorted(judged.objects.confidence) == [0.25, 1.0]
-    with pytest.raises(TypeError, match="function of a region, as Oracle.load gives, got 5"):
+    with pytest.raises(TypeError, match=r"function of a region, as Oracle\.load gives, got 5"):
         segment(volume, oracle=5)
 
 

@@ -16,7 +16,7 @@ MOST_SAMPLES = 1_000_000
 SMALLEST_RANGE = 1e-300
 
 
-def foreground_ramp(volume: ArrayLike) -> tuple[float, ...]:
+def foreground_ramp(volume: ArrayLike) -> tuple[float, float, float, float, float]:
     """Find the densities at which opacity turns, in a scan of any range.
 
     Parameters
@@ -65,7 +65,7 @@ def foreground_ramp(volume: ArrayLike) -> tuple[float, ...]:
     foot = min(max(air + 4.0 * noise, air + 0.45 * (threshold - air)), 0.8 * threshold + 0.2 * air)
     surface = max(threshold, foot + 0.25 * (body - foot))
     body, highest = max(body, surface), max(top, (highest + top) / 2)
-    return lowest, *(lowest + level for level in (foot, surface, body, highest))
+    return lowest, lowest + foot, lowest + surface, lowest + body, lowest + highest
 
 
 def _samples(volume: NDArray[np.generic]) -> NDArray[np.float64]:
@@ -180,13 +180,13 @@ class TransferFunction:
         ValueError
             If the volume is empty, constant or has no finite value.
         """
-        ramp = foreground_ramp(volume)
-        kept = [(ramp[0], 0.0)]
-        for density, opacity in zip(ramp[1:], (0.0, 0.2, 0.4, 0.65), strict=True):
+        lowest, foot, surface, body, highest = foreground_ramp(volume)
+        kept = [(lowest, 0.0)]
+        for density, opacity in ((foot, 0.0), (surface, 0.2), (body, 0.4), (highest, 0.65)):
             # A scan with few values may have two points at one density.
             if density > kept[-1][0]:
                 kept.append((density, opacity))
-        return cls(kept, _greys(ramp[1], ramp[-1]))
+        return cls(kept, _greys(foot, highest))
 
     def shifted(self, by: float) -> TransferFunction:
         """Return it for densities that are larger by so much."""

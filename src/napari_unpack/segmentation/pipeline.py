@@ -258,7 +258,8 @@ def _segmented(
 ) -> Segmentation:
     oracle = wanted.oracle
     if source.size > min(working, WORKING_VOXELS):
-        reading, looking = (workers.run,) * 2 if workers else (run_on_threads, run_in_turn)
+        reading = workers.run if workers else run_on_threads
+        looking = workers.run if workers else run_in_turn
         find = partial(_segment_grid, options=wanted, run=looking)
         fewest = int(max(wanted.smallest / float(np.prod(size)), MIN_OBJECT_VOXELS))
         with read_once(source) as near:

@@ -94,6 +94,7 @@ class Stack:
 
     def best(self, profile: Profile) -> Rest | None:
         """Return the lowest, fullest resting place of all, or None where it fits nowhere."""
+        # A reach as long as the room is wide leaves no place out.
         return self.near(profile, 0, 0, max(self.height.shape))
 
     def near(self, profile: Profile, z: int, x: int, reach: int) -> Rest | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,8 +41,12 @@ FRINGE_VOXELS = 2
 BYTES_A_FRAME = 16 * 2**20
 
 
-Look = tuple[NDArray[np.float32], NDArray[np.float64] | None, TransferFunction]
-"""Tints by ID, clipping planes and the transfer function."""
+class _Shown(NamedTuple):
+    """How what is cast looks, known only when it is cast: hues may be on their way until then."""
+
+    tints: NDArray[np.float32]
+    clipping: NDArray[np.float64] | None
+    function: TransferFunction
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,8 +235,8 @@ class CanvasBackend:
         session = self._session
         ends = np.zeros(3), np.asarray(session.labels.shape) - 1.0
 
-        def look() -> Look:
-            return self.packed_tints(), session.clipping, session.transfer_function
+        def look() -> _Shown:
+            return _Shown(self.packed_tints(), session.clipping, session.transfer_function)
 
         return self._image("packed", ends, None, camera, size, step, done, look)
 
@@ -310,9 +314,10 @@ class CanvasBackend:
         moved = moving.pose.world_from_world(center, camera)
         voxels = np.eye(4) if self._subvolume is None else self._subvolume.voxel_from_world
 
-        def look() -> Look:
+        def look() -> _Shown:
             clipping = session.style(object_id).planes(voxels)
-            return session.solo_tints(object_id), clipping, session.transfer_function_of(object_id)
+            function = session.transfer_function_of(object_id)
+            return _Shown(session.solo_tints(object_id), clipping, function)
 
         ends = low.astype(float), high - 1.0
         return self._image(place, ends, moved, camera, size, step, done, look)
@@ -326,7 +331,7 @@ class CanvasBackend:
         size: tuple[int, int],
         step: float,
         done: Callable[[float], None],
-        look: Callable[[], Look],
+        look: Callable[[], _Shown],
     ) -> CanvasImage | None:
         if self._subvolume is None:
             return None
@@ -355,7 +360,6 @@ class CanvasBackend:
                     return None
                 return found[1] - part[1], found[0] - part[0], found[3], found[2]
 
-            # Asked when it is cast: hues may be on their way until then.
             return self._cast(key, rays, look(), done, where)
 
         return CanvasImage(window, camera, size, develop)
@@ -364,13 +368,13 @@ class CanvasBackend:
         self,
         key: object,
         rays: Rays,
-        look: Look,
+        shown: _Shown,
         done: Callable[[float], None],
         where: Where,
     ) -> ImageTexture | None:
         if self._store is None or self._subvolume is None or not self.active:
             return None
-        tints, clipping, function = look
+        tints, clipping, function = shown
         known = self._appearance(self._subvolume, key, tints, function)
         caster = self._casters.get(key)
         if caster is None:

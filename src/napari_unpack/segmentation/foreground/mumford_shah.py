@@ -421,7 +421,9 @@ def relax(
     where = np.flatnonzero(active)
     for n in range(sweeps):
         share(n / sweeps)
-        if max(_sweep(data, side, field, squeeze, where, color) for color in (0, 1)) <= close:
+        steps = [_sweep(data, side, field, squeeze, where, color) for color in (0, 1)]
+        # So that one that is no number ends it, too.
+        if not max(steps) > close:
             break
 
 

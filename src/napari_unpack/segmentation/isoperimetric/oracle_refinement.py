@@ -53,6 +53,7 @@ def join_touching(
     # shell and content of a container where the oracle prefers it.
     boxes, near = label_boxes(labels), find_neighbours(labels, spacing)
     pairs, area = near.pairs()
+    # Its one column: the area over which two parts touch.
     contacts, surface = PairSums(len(near.surface), pairs, area[:, None]), near.surface
     nodes: dict[int, Node] = {}
     for name in share.part(0.0, 0.2).over(boxes.ids.tolist()):

@@ -28,7 +28,7 @@ LIGHT, SOFT = 0.6, (5.0, 12.0)
 cloth, paper and foam, but not leather, wood and plastic, in which metal is a motor, a battery or a
 hinge."""
 
-
+# A piece lies in an object, its host, without being a part of it.
 # Times the upper quartile of its host, above air, from which a voxel may be of a piece; times that,
 # where nothing has been found to be an object.
 CORE, LOST = 5.0, 1.5
@@ -49,7 +49,7 @@ FEWEST = 27
 # Share of its convex hull's surface that a piece covers, and of its volume that it does not fill,
 # if all inside belongs to it.
 WALLED = 0.6
-# What a large piece is taken from is looked at anew.
+# So many times what a large piece was taken from is looked at anew.
 ROUNDS = 3
 
 
