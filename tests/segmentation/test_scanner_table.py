@@ -78,9 +78,12 @@ def test_light_folds_a_voxel_apart_are_one_bundle_and_a_solid_among_them_is_not(
     assert (bundled[parts == 50] == 50).all()
     np.testing.assert_array_equal(bundled > 0, parts > 0)
     # Where folds are rare they are sheets, and each stays what it is.
-    np.testing.assert_array_equal(
-        bundle_folds(parts, density, (1.0, 1.0, 1.0), light=400, prevalence=0.9), parts
-    )
+    # Labels without a voxel between them make none more.
+    for gap in (0, 30_000):
+        rare = np.where(parts == 50, 50 + gap, parts)
+        np.testing.assert_array_equal(
+            bundle_folds(rare, density, (1.0, 1.0, 1.0), light=400, prevalence=0.9), rare
+        )
 
 
 def _wall(ends: int) -> np.ndarray:
