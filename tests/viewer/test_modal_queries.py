@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from threading import Event
+from threading import Event, current_thread, main_thread
 
 import pytest
 from qtpy.QtWidgets import QApplication
 
 from manual_scheduler import ManualScheduler
-from napari_unpack.session import occlusion
+from napari_unpack.session import colors, occlusion
 from napari_unpack.viewer.modal_queries import find_unpackable, run_to
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 
@@ -46,6 +46,26 @@ def test_after_a_turn_an_object_leaves_before_the_whole_answer_is_there(
     session.restore(len(session.steps))
     controller.finish()
     assert set(left) <= set(session.unpackable())
+
+
+def test_hues_are_sought_beside_the_window(staged, session, monkeypatch) -> None:
+    _, controller = staged
+    controller.recolor_at_rest = False
+    sought, threads = colors.chosen_hues, []
+
+    def chosen(*arguments):
+        threads.append(current_thread())
+        return {i: (hue + 0.25) % 1.0 for i, hue in sought(*arguments).items()}
+
+    monkeypatch.setattr(colors, "chosen_hues", chosen)
+    session.hide(1)
+    before = dict(session.hues)
+    controller.recolor()
+    assert len(threads) == 1
+    assert threads[0] is not main_thread()
+    assert session.hues[2] != before[2]
+    session.undo()
+    assert dict(session.hues) == before
 
 
 def test_while_the_whole_answer_is_waited_for_that_is_said(

@@ -8,7 +8,7 @@ few objects a little.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import networkx as nx
@@ -173,19 +173,13 @@ def _least_harm(
     graph: nx.Graph, node: int, hues: Mapping[int, float], separation: float, fixed: Collection[int]
 ) -> tuple[float, list[int]]:
     others = sorted(other for other in graph[node] if other in hues)
-
-    def displaced(hue: float) -> list[int]:
-        return [o for o in others if hue_distance(hues[o], hue) < separation - 1e-9]
-
-    def harm(hue: float) -> tuple[int, int, float]:
-        hit = displaced(hue)
-        return sum(o in fixed for o in hit), len(hit), hue
-
-    tries: Iterable[float] = {
-        (hues[o] + side * separation) % 1.0 for o in others for side in (-1, 1)
-    }
-    best = min(tries, key=harm)
-    return best, [o for o in displaced(best) if o not in fixed]
+    theirs = np.array([hues[other] for other in others])
+    tries = (theirs[:, None] + separation * np.array([-1, 1])).reshape(-1, 1) % 1.0
+    hit = np.abs((theirs - tries + 0.5) % 1.0 - 0.5) < separation - 1e-9
+    stays = np.array([other in fixed for other in others])
+    # Fewest of those that stay, then fewest in all.
+    best = np.lexsort((tries[:, 0], hit.sum(axis=1), hit[:, stays].sum(axis=1)))[0]
+    return float(tries[best, 0]), [others[k] for k in np.flatnonzero(hit[best] & ~stays)]
 
 
 def assign_hues(

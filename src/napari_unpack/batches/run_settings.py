@@ -146,7 +146,7 @@ def check_folder(output: Path, settings: Settings) -> None:
         raise ValueError(f"{output} holds a run with other settings ({changes}): {remedy}")
 
 
-def claim_folder(output: Path, settings: Settings, force: bool) -> None:
+def claim_folder(output: Path, settings: Settings, force: bool = False) -> None:
     """Make a folder this run's; what is in it already stays.
 
     Parameters

@@ -30,7 +30,13 @@ from napari_unpack.viewer.connections import ControllerConnections
 from napari_unpack.viewer.cut_handle import CutHandle
 from napari_unpack.viewer.framing import Framing
 from napari_unpack.viewer.interaction import Interaction
-from napari_unpack.viewer.modal_queries import find_unpackable, measure_next, run_to, travel
+from napari_unpack.viewer.modal_queries import (
+    choose_hues,
+    find_unpackable,
+    measure_next,
+    run_to,
+    travel,
+)
 from napari_unpack.viewer.overlays import Overlays
 from napari_unpack.viewer.process_end import end_with_process
 from napari_unpack.viewer.ruler_drawing import RulerDrawing
@@ -349,6 +355,10 @@ class SessionController:
         """Do the step taken back again."""
         self.renderer.end_inspection()
         return travel(self.session, self.scheduler, "redo")
+
+    def recolor(self) -> None:
+        """Choose new hues for this view."""
+        choose_hues(self.session, self.scheduler)
 
     def finish(self) -> None:
         """Land every flight now."""

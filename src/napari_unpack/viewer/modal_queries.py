@@ -156,6 +156,26 @@ def travel(session: Session, scheduler: Scheduler, way: Literal["undo", "redo"])
     return session.undo() if way == "undo" else session.redo()
 
 
+def choose_hues(session: Session, scheduler: Scheduler) -> None:
+    """Choose new hues for this view; rays are cast and hues are sought while drawing.
+
+    Parameters
+    ----------
+    session : Session
+    scheduler : Scheduler
+    """
+    task = session.queries.hues_task()
+    if task is None:
+        session.recolor()
+        return
+    # The worker of flights: a query under way may take seconds.
+    found = scheduler.run_modal(task, Worker.MOTION)
+    if found is not None:
+        session.queries.store(task, found)
+        # Not `Session.recolor`: what glides may have changed the view, for which it would ask anew.
+        session.apply_hues(found)
+
+
 def run_to(
     session: Session,
     scheduler: Scheduler,

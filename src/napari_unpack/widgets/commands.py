@@ -225,7 +225,7 @@ class Commands:
 
     def recolor(self) -> None:
         """Choose new hues for this view."""
-        self._run(lambda controller: controller.session.recolor())
+        self._run(lambda controller: controller.recolor())
 
     def lock_hues(self, ids: Iterable[int], locked: bool = True) -> None:
         """Keep the hues of objects in every view, or let them change again.
