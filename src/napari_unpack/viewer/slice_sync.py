@@ -115,7 +115,8 @@ class SliceSteps:
     Notes
     -----
     In 3D nothing moves, since napari would slice every visible layer anew for nothing; the
-    slices go there when 2D is next looked at.
+    slices go there when 2D is next looked at, and else are where they were: napari would have
+    them in the middle of its camera, which is the bag's.
     """
 
     def __init__(self, viewer: napari.Viewer, session: Session, layer: Layer) -> None:
@@ -124,6 +125,8 @@ class SliceSteps:
         self._held = self._moving = False
         self._pending = 0
         self._scrolled = -np.inf
+        # Where the slices were when 3D was last looked at; None in 2D.
+        self._point: tuple[float, ...] | None = viewer.dims.point
         self._known: frozenset[int] = frozenset(session.selected)
         session.events.selected.connect(self._follow)
         viewer.dims.events.ndisplay.connect(self._catch_up)
@@ -157,23 +160,33 @@ class SliceSteps:
 
     def _catch_up(self, _event: Any = None) -> None:
         dims = self._viewer.dims
-        if not self._pending or dims.ndisplay != 2 or dims.ndim < 3:
+        if dims.ndisplay != 2:
+            self._point = dims.point
             return
+        point, self._point = self._of_pending() or self._point, None
+        if point is None:
+            return
+        # Our own step is no scroll of the user.
+        self._moving = True
+        try:
+            dims.point = point
+        finally:
+            self._moving = False
+
+    def _of_pending(self) -> tuple[float, ...] | None:
         object_id, self._pending = self._pending, 0
-        if object_id not in self._session.states:
-            return
+        point = self._viewer.dims.point
+        if object_id not in self._session.states or len(point) < 3:
+            return None
         boxes = self._session.boxes
         row = boxes.index(object_id)
         # Of the box, which the slice through it always meets.
         middle = (boxes.lower[row] + boxes.upper[row] - 1) // 2
         world = transform_points(data_to_world(self._layer, units_of(self._viewer)), middle)
-        # Our own step is no scroll of the user.
-        self._moving = True
-        try:
-            dims.set_point(range(dims.ndim - 3, dims.ndim), [float(v) for v in world])
-        finally:
-            self._moving = False
+        return (*point[:-3], *world.tolist())
 
     def _hear(self, _event: Any = None) -> None:
         if not self._moving:
             self._scrolled = self.clock()
+        if self._viewer.dims.ndisplay == 3:
+            self._point = self._viewer.dims.point
