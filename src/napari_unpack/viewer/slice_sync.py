@@ -5,20 +5,25 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from time import monotonic
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from napari.layers import Labels, Layer
 
 from napari_unpack.appearance import tints_of
 from napari_unpack.geometry.axes import transform_points
-from napari_unpack.layers.label_colormap import label_colormap
+from napari_unpack.layers.label_colormap import LabelColormap, label_colormap
 from napari_unpack.layers.placement import data_to_world, units_of
 
 if TYPE_CHECKING:
     import napari
 
     from napari_unpack.session import Session
+
+
+# The user's own and the last lent colormap of a layer; viewers that share a layer share these.
+_LENT: WeakKeyDictionary[Layer, tuple[LabelColormap, LabelColormap]] = WeakKeyDictionary()
 
 
 class SliceHues:
@@ -40,36 +45,40 @@ class SliceHues:
     def __init__(self, session: Session, sources: Sequence[Layer]) -> None:
         self._session = session
         self.painting = False
-        self._theirs = [
-            (layer, layer.colormap) for layer in sources if _shows_labels(layer, session)
-        ]
-        self._brushes = [layer.selected_label for layer, _ in self._theirs]
-        if self._theirs:
+        # Not by its voxels: one stroke before the session is shown would make it another's.
+        shape = session.labels.shape
+        layers = (x for x in sources if isinstance(x, Labels) and x.data.shape == shape)
+        self._brushes = {layer: layer.selected_label for layer in layers}
+        if self._brushes:
             session.events.selected.connect(self._choose)
 
     def paint(self) -> None:
         """Colour the layers in the hues of now."""
-        if not self._theirs:
+        if not self._brushes:
             return
         session = self._session
         tints = tints_of(session.hues, session.ids[-1], mode=session.tint_mode)
         # Opacity as it was chosen: a slice has no depth in which it would add up.
-        own = session.annotations.colors
-        colors = {session.label_of(i): own.get(i, tints[i]) for i in session.ids}
+        chosen = session.annotations.colors
+        colors = {session.label_of(i): chosen.get(i, tints[i]) for i in session.ids}
         with self._own_work():
-            for layer, _ in self._theirs:
+            for layer in self._brushes:
+                own = _own_colormap(layer)
                 layer.colormap = label_colormap(colors, np.zeros(4, np.float32))
+                _LENT[layer] = own, layer.colormap
 
     def close(self) -> None:
         """Give every layer its own colormap back."""
         self._session.events.selected.disconnect(self._choose, missing_ok=True)
         with self._own_work():
-            for (layer, colormap), brush in zip(self._theirs, self._brushes, strict=True):
+            for layer, brush in self._brushes.items():
+                colormap = _own_colormap(layer)
+                _LENT.pop(layer, None)
                 # A layer made uint8 meanwhile has no label 300 any more.
                 if brush > np.iinfo(layer.data.dtype).max:
                     brush = colormap.selection = layer.selected_label
                 layer.colormap, layer.selected_label = colormap, brush
-        self._theirs = []
+        self._brushes = {}
 
     @contextmanager
     def _own_work(self) -> Generator[None, None, None]:
@@ -83,13 +92,14 @@ class SliceHues:
         # With several selected the brush keeps what the user gave it.
         if len(ids) == 1:
             with self._own_work():
-                for layer, _ in self._theirs:
+                for layer in self._brushes:
                     layer.selected_label = self._session.label_of(next(iter(ids)))
 
 
-def _shows_labels(layer: Layer, session: Session) -> TypeGuard[Labels]:
-    # Not by its voxels: one stroke before the session is shown would make it another's.
-    return isinstance(layer, Labels) and layer.data.shape == session.labels.shape
+def _own_colormap(layer: Labels) -> LabelColormap:
+    own, lent = _LENT.get(layer, (None, None))
+    # Any other was chosen since.
+    return layer.colormap if own is None or layer.colormap is not lent else own
 
 
 # So long after the user's last scroll the slices are theirs: a hand turns the wheel on.
