@@ -28,6 +28,7 @@ def test_the_users_layers_and_view_come_back_exactly(
     viewer.scene.camera.angles, viewer.scene.camera.perspective = (10, 20, 30), 12
     viewer.dims.ndisplay = 2
     viewer.scene.camera.center, viewer.scene.camera.zoom = (0, 30, 40), 5.5
+    viewer.dims.current_step = (7, 11, 30)
     before = _state(viewer)
     controller = SessionController(viewer, session, [image, labels])
     controller.open()
@@ -95,6 +96,7 @@ def _state(viewer):
         [(layer.name, layer.visible) for layer in viewer.layers],
         sorted(layer.name for layer in viewer.layers.selection),
         viewer.dims.ndisplay,
+        viewer.dims.current_step,
         tuple(np.round(camera.center, 6)),
         round(camera.zoom, 6),
         tuple(np.round(camera.angles, 6)),

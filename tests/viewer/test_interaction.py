@@ -243,6 +243,16 @@ def test_slices_go_to_what_is_selected(sliced, session, qtbot) -> None:
     viewer.dims.ndisplay = 2
     assert tuple(viewer.dims.current_step) == (10, 13, 30)
 
+    # Where nothing was selected in 3D they are where they were, or where a script has put them.
+    viewer.dims.current_step = (7, 11, 30)
+    viewer.dims.ndisplay = 3
+    viewer.dims.ndisplay = 2
+    assert tuple(viewer.dims.current_step) == (7, 11, 30)
+    viewer.dims.ndisplay = 3
+    viewer.dims.set_current_step(0, 9)
+    viewer.dims.ndisplay = 2
+    assert tuple(viewer.dims.current_step) == (9, 11, 30)
+
 
 def test_a_click_in_a_slice_selects_there_and_leaves_the_slice(sliced, session, qtbot) -> None:
     viewer, controller, _ = sliced

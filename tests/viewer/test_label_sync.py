@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import zarr
 from napari.layers import Labels
-from napari.utils.colormaps import DirectLabelColormap
+from napari.utils.colormaps import DirectLabelColormap, label_colormap
 
 from bells import BELL, CUBE, SLAB, bells
 from manual_scheduler import ManualScheduler
@@ -176,6 +176,37 @@ def test_other_colours_are_no_stroke() -> None:
     brush.hues.close()
     assert heard
     assert not brush.sync.pending
+
+
+def test_a_colormap_that_was_chosen_meanwhile_stays_the_layers_own() -> None:
+    brush = Brush()
+    first, second = (label_colormap(49, seed=seed) for seed in (0.3, 0.4))
+    brush.layer.colormap = first
+    brush.hues.paint()
+    assert brush.layer.colormap is not first
+    brush.hues.paint()
+    brush.hues.close()
+    assert brush.layer.colormap is first
+    again = SliceHues(brush.session, [brush.layer])
+    again.paint()
+    brush.layer.colormap = second
+    again.close()
+    assert brush.layer.colormap is second
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_a_layer_of_two_viewers_gets_its_own_colormap_back(first: int) -> None:
+    brush = Brush()
+    own = brush.layer.colormap = label_colormap(49, seed=0.3)
+    brush.hues.paint()
+    both = [brush.hues, SliceHues(brush.session, [brush.layer])]
+    both[1].paint()
+    both[0].paint()
+    both.pop(first).close()
+    both[0].paint()
+    assert brush.layer.colormap is not own
+    both[0].close()
+    assert brush.layer.colormap is own
 
 
 def test_labels_that_take_the_place_of_the_followed_are_told_once() -> None:

@@ -136,6 +136,9 @@ def test_a_step_names_all_who_leave_together(
     measure = sentence.fontMetrics()
     words = sentence.text().split(" ")
     assert max(map(measure.horizontalAdvance, words)) <= sentence.width()
+    panel.commands.go_to(0)
+    packed = "Everything packed, 1 step known"
+    qtbot.waitUntil(lambda: sentence.text() == packed, timeout=20000)
 
 
 def test_the_demos_picture_of_the_window_waits_until_nothing_is_looked_for(

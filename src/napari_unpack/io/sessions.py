@@ -404,7 +404,7 @@ def _referred_file(reference: str, source: Path, name: str) -> Path:
     if remote and windows.drive not in {PureWindowsPath(source.absolute()).drive} - {""}:
         raise ValueError(
             f"{source} refers to its {name} on another computer, {reference!r}: open that file "
-            f"yourself and pass {name}= to open_session"
+            f"yourself in Python and pass {name}= to open_session"
         )
     if ".." in (*posix.parts, *windows.parts) or not reference:
         raise ValueError(
@@ -415,8 +415,8 @@ def _referred_file(reference: str, source: Path, name: str) -> Path:
         file = source.parent / file
     if not file.exists():
         raise FileNotFoundError(
-            f"{source} refers to its {name} in {file}, which is not there: put it back, or pass "
-            f"{name}= to open_session"
+            f"{source} refers to its {name} in {file}, which is not there: put it back there, or "
+            f"in Python pass {name}= to open_session"
         )
     return file
 

@@ -200,8 +200,10 @@ class SavedViewerState:
             self.volumes.close,
             partial(setattr, viewer.canvas, "background_color_override", self.background),
             partial(viewer.canvas.overlays.scale_bar.update, self.scale_bar),
-            # Before the camera: napari fits the view anew when the dimensions change.
+            # Before the camera: napari fits the view anew when the dimensions change, and goes to
+            # the slice in the middle of the bag.
             partial(setattr, viewer.dims, "ndisplay", self.ndisplay),
+            partial(setattr, viewer.dims, "point", viewer.dims.point),
             partial(setattr, camera, "orientation", self.orientation),
             partial(self.view.give_back, camera),
             # By other axes the same numbers are another place.

@@ -134,7 +134,8 @@ class StepSlider(QWidget):
         if not steps:
             return ""
         if step == 0:
-            return f"Everything packed, {len(steps)} steps known"
+            known = "1 step" if len(steps) == 1 else f"{len(steps)} steps"
+            return f"Everything packed, {known} known"
         names = session.objects["name"]
         leaving = listed_objects(str(names[i]) for i in steps[step - 1])
         return f"Step {step} of {self.slider.maximum()}: {leaving}"
