@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
+from threading import Timer
 from typing import Any
 
 import numpy as np
@@ -117,6 +118,30 @@ def test_files_of_one_name_that_come_one_after_another_are_two_scans(
     for day, name in names.items():
         volume = load_volume(tmp_path / day / "scan.npz").volume
         assert np.array_equal(nu.open_session(session_in(output, name)).volume, volume)
+
+
+def test_scans_keep_their_names_when_their_folder_is_moved(client: Any, tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    make_bag(tmp_path / "in" / "a.npz", 0)
+    assert [
+        one.scan for one in nu.batch(tmp_path / "in", tmp_path / "out", client, **QUICK).results
+    ]
+    (tmp_path / "in").rename(tmp_path / "moved")
+    for _ in range(2):
+        report = nu.batch(tmp_path / "moved", tmp_path / "out", client, **QUICK)
+        assert [(one.scan, one.status) for one in report.results] == [("a", "kept")]
+
+
+def test_a_run_of_the_same_settings_that_has_just_made_the_folder_is_waited_for(
+    tmp_path: Path,
+) -> None:
+    output = tmp_path / "out"
+    (output / "scans").mkdir(parents=True)
+    other = Timer(0.2, claim_folder, (output, Settings(), True))
+    other.start()
+    claim_folder(output, Settings())
+    other.join()
+    check_folder(output, Settings())
 
 
 def test_of_two_runs_that_begin_together_with_other_settings_one_is_refused(tmp_path: Path) -> None:

@@ -271,10 +271,11 @@ def test_ids_above_65535_are_those_of_the_labels_in_the_table_too(tmp_path: Path
     again = nu.Session(np.where(labels > 0, 1500, 0), labels, (1, 1, 1), table)
     assert again.objects["dose"].to_list() == [0.5, 2.0]
     # A person's own column stays, and has another name than that of the IDs.
-    own = pd.DataFrame({"id": [17, 18], "label": ["b1", "b2"]}, index=[3, 70000])
+    own = pd.DataFrame({"id": [17, 18], "label": ["b1", "b2"], "own_id": 4}, index=[3, 70000])
     session = nu.Session(np.where(labels > 0, 1500, 0), labels, (1, 1, 1), own)
     table = pd.read_csv(save_objects_csv(session, tmp_path / "a.csv"), index_col="id")
-    assert table["own_id"].to_dict() == {3: 17, 70000: 18}
+    assert table["own_own_id"].to_dict() == {3: 17, 70000: 18}
+    assert table["own_id"].to_dict() == {3: 4, 70000: 4}
     assert table["label"].to_dict() == {3: "b1", 70000: "b2"}
 
 

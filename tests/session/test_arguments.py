@@ -268,6 +268,8 @@ def test_a_table_read_from_a_file_is_known_by_its_column_id(tmp_path: Path) -> N
     own = table.assign(id=[7, 8, 9, 10])
     for given in (own, own.rename_axis(None)):
         assert session_of(stack_of_plates(), objects=given).objects.loc[4, "id"] == 7
+    batches = pd.DataFrame({"name": [*"abc"], "id": [1, 1, 2]}, index=[1, 2, 3])
+    assert session_of(stack_of_plates(), objects=batches).objects.loc[2, "name"] == "b"
     with pytest.raises(ValueError, match="each ID once"):
         session_of(stack_of_plates(), objects=pd.concat([read, read], ignore_index=True))
 

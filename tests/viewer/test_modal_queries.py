@@ -68,6 +68,30 @@ def test_hues_are_sought_beside_the_window(staged, session, monkeypatch) -> None
     assert dict(session.hues) == before
 
 
+def test_a_repair_that_ends_while_hues_are_sought_takes_its_objects_out(
+    staged, session, monkeypatch
+) -> None:
+    _, controller = staged
+    controller.recolor_at_rest = False
+    sought, merged = colors.chosen_hues, Event()
+
+    def merge() -> None:
+        session.merge([2, 3])
+        merged.set()
+
+    def chosen(*arguments):
+        controller.scheduler.soon(merge)
+        assert merged.wait(20)
+        return {i: (hue + 0.25) % 1.0 for i, hue in sought(*arguments).items()}
+
+    monkeypatch.setattr(colors, "chosen_hues", chosen)
+    session.hide(1)
+    before = dict(session.hues)
+    controller.recolor()
+    assert session.ids == (1, 2, 4, 5, 6, 7)
+    assert session.hues[4] != before[4]
+
+
 def test_while_the_whole_answer_is_waited_for_that_is_said(
     make_napari_viewer_proxy, session, monkeypatch
 ) -> None:

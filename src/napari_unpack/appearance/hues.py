@@ -170,16 +170,22 @@ def _free_hue(around: list[float], wish: float, separation: float) -> float | No
 
 
 def _least_harm(
-    graph: nx.Graph, node: int, hues: Mapping[int, float], separation: float, fixed: Collection[int]
+    graph: nx.Graph, node: int, hues: Mapping[int, float], separation: float, fixed: set[int]
 ) -> tuple[float, list[int]]:
-    others = sorted(other for other in graph[node] if other in hues)
+    others = sorted((other for other in graph[node] if other in hues), key=lambda o: hues[o])
     theirs = np.array([hues[other] for other in others])
-    tries = (theirs[:, None] + separation * np.array([-1, 1])).reshape(-1, 1) % 1.0
-    hit = np.abs((theirs - tries + 0.5) % 1.0 - 0.5) < separation - 1e-9
     stays = np.array([other in fixed for other in others])
+    tries = (theirs[:, None] + separation * np.array([-1, 1])).ravel() % 1.0
+    # Three times around the circle, so that what is near a hue stands in one piece.
+    around = np.concatenate([theirs - 1, theirs, theirs + 1])
+    near = separation - 1e-9
+    low = np.searchsorted(around, tries - near, side="right")
+    high = np.maximum(np.searchsorted(around, tries + near), low)
+    staying = np.concatenate([[0], np.cumsum(np.tile(stays, 3))])
     # Fewest of those that stay, then fewest in all.
-    best = np.lexsort((tries[:, 0], hit.sum(axis=1), hit[:, stays].sum(axis=1)))[0]
-    return float(tries[best, 0]), [others[k] for k in np.flatnonzero(hit[best] & ~stays)]
+    best = np.lexsort((tries, high - low, staying[high] - staying[low]))[0]
+    hit = {others[k % len(others)] for k in range(low[best], high[best])}
+    return float(tries[best]), sorted(hit - fixed)
 
 
 def assign_hues(

@@ -151,7 +151,8 @@ def batch(
     found, speak = list(results_in(folder)), say or (lambda _: None)
     sources = {scan.source for scan in scans}
     # Those of earlier calls keep the names that people know them by.
-    scans = told_apart(scans, [one.scan for one in found if one.source not in sources])
+    earlier = (one for one in found if one.source not in sources and Path(one.source).exists())
+    scans = told_apart(scans, [one.scan for one in earlier])
     _check_disk(folder, scans, found, settings)
     known = {one.identity: one.folder for one in found}
     done: dict[str, ScanResult] = {}

@@ -8,6 +8,7 @@ import os
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
+from time import monotonic, sleep
 from typing import Any
 
 from napari_unpack.atomic import is_temporary, written_atomically
@@ -22,6 +23,9 @@ RUN, SCANS = "run.json", "scans"
 INDEX, ALL_OBJECTS, ALL_SCANS = "index.html", "objects.parquet", "scans.parquet"
 OWN_FILES = (RUN, INDEX, ALL_OBJECTS, ALL_SCANS)
 LABEL_FORMATS = ("npz", "zarr")
+
+# So long a run that has just made a folder may take to say what it is.
+CLAIM_SECONDS = 1.0
 
 
 @dataclass(frozen=True)
@@ -166,6 +170,10 @@ def claim_folder(output: Path, settings: Settings, force: bool = False) -> None:
         # Of two that begin together, one makes it.
         (output / SCANS).mkdir(parents=True)
     except FileExistsError:
+        # The other says what it is a moment later.
+        until = monotonic() + CLAIM_SECONDS
+        while not (force or is_run(output) or monotonic() > until):
+            sleep(0.02)
         if not force:
             check_folder(output, settings)
     manifest = {"format": FORMAT, "form": VERSION, "settings": settings.record()}

@@ -177,6 +177,7 @@ def _mend(there: Path, scan: ScanInput, data: Scan, place: Place) -> None:
         save_session(session, file, False, scan.volume, standing=standing_of(file))
     if undrawn:
         # Last: what a person took out is drawn in the bag, with the way out of all the others.
+        session.backend = "cpu"
         _plan(session)
         _draw(session, scan.name, undrawn, there)
 

@@ -302,7 +302,10 @@ def save_measurements_csv(session: Session, path: str | Path) -> Path:
 
 def _write_csv(table: pd.DataFrame, path: Path, index: str) -> None:
     # A column of a person's own may have that name too.
-    table = table.rename(columns={index: f"own_{index}"})
+    own = index
+    while own in table:
+        own = f"own_{own}"
+    table = table.rename(columns={index: own})
     table.apply(_cells).to_csv(path, index_label=index, lineterminator="\n")
 
 

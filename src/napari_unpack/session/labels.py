@@ -47,8 +47,9 @@ def object_table(
     spacing : (3,) ndarray of float64
         Voxel size in mm, z y x.
     given : DataFrame, optional
-        Indexed by ID, or with the IDs in a column `id` and an index without a name. Its columns
-        are kept, its rows of other objects dropped.
+        Indexed by ID. Where the index has no name, a column `id` of whole numbers is taken for the
+        IDs if the index holds 0, which no object is, or if all of it are labels, each once. Its
+        columns are kept, its rows of other objects dropped.
     given_ids : (M,) ndarray of int64, optional
         By ID, the one people know it by: in the index of `given`, in names, and in a column
         `label` of the table, unless the given one has another. None where that is the ID itself.
@@ -92,7 +93,7 @@ def object_table(
         )
     unnamed = given.index.name is None and "id" in given and is_integer_dtype(given["id"])
     # As pandas reads it from a .csv: no object is 0. A person's own column of that name stays.
-    if unnamed and (0 in given.index or given["id"].isin(known_by).all()):
+    if unnamed and (0 in given.index or _all_once(given["id"], known_by)):
         given = given.set_index("id")
     if not given.index.is_unique:
         raise ValueError("objects must have each ID once in its index, or its column 'id'")
@@ -112,6 +113,10 @@ def object_table(
             found[column] = given_column.where(given_column.notna(), found[column])
     extra = [column for column in known if column not in found]
     return found.join(known[extra])
+
+
+def _all_once(ids: pd.Series, known: NDArray[np.int64]) -> bool:
+    return bool(ids.is_unique and ids.isin(known).all())
 
 
 def _says_ids(table: pd.DataFrame, ids: NDArray[np.int64]) -> bool:

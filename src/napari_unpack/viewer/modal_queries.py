@@ -173,7 +173,8 @@ def choose_hues(session: Session, scheduler: Scheduler) -> None:
     if found is not None:
         session.queries.store(task, found)
         # Not `Session.recolor`: what glides may have changed the view, for which it would ask anew.
-        session.apply_hues(found)
+        # A repair that ended in the wait may have taken objects away.
+        session.apply_hues({i: h for i, h in found.items() if i in session.label_data.known})
 
 
 def run_to(

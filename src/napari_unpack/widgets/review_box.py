@@ -142,6 +142,7 @@ class ReviewBox(Collapsible):
         """Have the doubts found, where somebody looks at them."""
         session = self._workspace.session
         self._left, self._asked = [], self._now()
+        self.picture.clear()
         task = None if session is None else session.review.doubts_task()
         if session is not None and task is not None and self.toggle.isChecked():
             self.sentence.setText("Looking for what is doubtful…")
@@ -174,6 +175,7 @@ class ReviewBox(Collapsible):
                 Worker.LONG,
                 partial(self._show_picture, doubt),
                 slot=PICTURE_SLOT,
+                failed=lambda _: self.picture.clear(),
             )
         self._enable()
 
