@@ -16,6 +16,7 @@ from napari_unpack.session import Session
 from napari_unpack.tasks import no_progress
 from napari_unpack.viewer.label_sync import QUIET_MS, LabelSync, with_sharing
 from napari_unpack.viewer.slice_sync import SliceHues
+from napari_unpack.viewer.view_colors import give_back, put_on
 
 
 class Brush:
@@ -192,6 +193,17 @@ def test_a_colormap_that_was_chosen_meanwhile_stays_the_layers_own() -> None:
     brush.layer.colormap = second
     again.close()
     assert brush.layer.colormap is second
+
+
+def test_hues_of_a_view_chosen_meanwhile_give_way_to_the_layers_own() -> None:
+    brush = Brush()
+    own = brush.layer.colormap = label_colormap(49, seed=0.3)
+    brush.hues.paint()
+    put_on(brush.layer, label_colormap(49, seed=0.4))
+    brush.hues.close()
+    assert brush.layer.colormap is not own
+    assert give_back(brush.layer)
+    assert brush.layer.colormap is own
 
 
 @pytest.mark.parametrize("first", [0, 1])

@@ -8,7 +8,6 @@ import os
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
-from time import monotonic, sleep
 from typing import Any
 
 from napari_unpack.atomic import is_temporary, written_atomically
@@ -23,9 +22,6 @@ RUN, SCANS = "run.json", "scans"
 INDEX, ALL_OBJECTS, ALL_SCANS = "index.html", "objects.parquet", "scans.parquet"
 OWN_FILES = (RUN, INDEX, ALL_OBJECTS, ALL_SCANS)
 LABEL_FORMATS = ("npz", "zarr")
-
-# So long a run that has just made a folder may take to say what it is.
-CLAIM_SECONDS = 1.0
 
 
 @dataclass(frozen=True)
@@ -166,19 +162,19 @@ def claim_folder(output: Path, settings: Settings, force: bool = False) -> None:
     ValueError
         If another run has taken it since it was checked.
     """
-    try:
-        # Of two that begin together, one makes it.
-        (output / SCANS).mkdir(parents=True)
-    except FileExistsError:
-        # The other says what it is a moment later.
-        until = monotonic() + CLAIM_SECONDS
-        while not (force or is_run(output) or monotonic() > until):
-            sleep(0.02)
-        if not force:
-            check_folder(output, settings)
+    (output / SCANS).mkdir(parents=True, exist_ok=True)
     manifest = {"format": FORMAT, "form": VERSION, "settings": settings.record()}
     with written_atomically(output / RUN) as temporary:
         temporary.write_text(json.dumps(manifest, indent=1), encoding="utf-8")
+        try:
+            # Of two that begin together one is first: a name is not linked twice.
+            os.link(temporary, output / RUN)
+        except FileExistsError:
+            if not force:
+                check_folder(output, settings)
+        except OSError:
+            # Some disks know no links: the last one has it there.
+            pass
 
 
 def is_run(folder: Path) -> bool:

@@ -91,9 +91,9 @@ def object_table(
         raise ValueError(
             f"objects must have one name for each column, and each once, got {[*given.columns]}"
         )
-    unnamed = given.index.name is None and "id" in given and is_integer_dtype(given["id"])
+    numbered = given.index.name is None and "id" in given and is_integer_dtype(given["id"])
     # As pandas reads it from a .csv: no object is 0. A person's own column of that name stays.
-    if unnamed and (0 in given.index or _all_once(given["id"], known_by)):
+    if numbered and (0 in given.index or _all_once(given["id"], known_by)):
         given = given.set_index("id")
     if not given.index.is_unique:
         raise ValueError("objects must have each ID once in its index, or its column 'id'")

@@ -63,7 +63,7 @@ class SliceHues:
         colors = {session.label_of(i): chosen.get(i, tints[i]) for i in session.ids}
         with self._own_work():
             for layer in self._brushes:
-                own = _own_colormap(layer)
+                own = own_colormap(layer)
                 layer.colormap = label_colormap(colors, np.zeros(4, np.float32))
                 _LENT[layer] = own, layer.colormap
 
@@ -72,7 +72,7 @@ class SliceHues:
         self._session.events.selected.disconnect(self._choose, missing_ok=True)
         with self._own_work():
             for layer, brush in self._brushes.items():
-                colormap = _own_colormap(layer)
+                colormap = own_colormap(layer)
                 _LENT.pop(layer, None)
                 # A layer made uint8 meanwhile has no label 300 any more.
                 if brush > np.iinfo(layer.data.dtype).max:
@@ -96,7 +96,8 @@ class SliceHues:
                     layer.selected_label = self._session.label_of(next(iter(ids)))
 
 
-def _own_colormap(layer: Labels) -> LabelColormap:
+def own_colormap(layer: Labels) -> LabelColormap:
+    """Return the colormap a layer has, or has when no session lends it one any more."""
     own, lent = _LENT.get(layer, (None, None))
     # Any other was chosen since.
     return layer.colormap if own is None or layer.colormap is not lent else own

@@ -22,6 +22,7 @@ from napari_unpack.layers.placement import unit_ratios, units_of
 from napari_unpack.rendering import cast_ids
 from napari_unpack.rendering.validation import checked_labels
 from napari_unpack.tasks import Task
+from napari_unpack.viewer.slice_sync import own_colormap
 
 if TYPE_CHECKING:
     import napari
@@ -204,7 +205,7 @@ def put_on(layer: Labels, colormap: LabelColormap) -> None:
     colormap : LabelColormap
     """
     if layer not in _BEFORE:
-        _BEFORE[layer] = layer.colormap
+        _BEFORE[layer] = own_colormap(layer)
     layer.colormap = colormap
 
 

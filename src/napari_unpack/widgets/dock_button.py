@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Generic, TypeVar
 from weakref import ref
@@ -65,7 +65,7 @@ class DockContents(QWidget):
 D = TypeVar("D", bound=DockContents)
 
 
-class DockButton(ABC, Generic[D]):
+class DockButton(Generic[D]):
     """Opens a dock and closes it.
 
     Parameters
@@ -73,6 +73,10 @@ class DockButton(ABC, Generic[D]):
     viewer : napari.Viewer
     button : QPushButton
         Is pressed as long as the dock is open.
+    make : callable
+        Returns what stands in the dock, when it is first opened.
+    add : callable
+        Puts that into the window.
 
     Attributes
     ----------
@@ -80,21 +84,20 @@ class DockButton(ABC, Generic[D]):
         None until it is opened for the first time.
     """
 
-    def __init__(self, viewer: napari.Viewer, button: QPushButton) -> None:
-        self._viewer, self.button = viewer, button
+    def __init__(
+        self,
+        viewer: napari.Viewer,
+        button: QPushButton,
+        make: Callable[[], D],
+        add: Callable[[D], None],
+    ) -> None:
+        self._viewer, self._make, self._add = viewer, make, add
+        self.button = button
         self.dock: D | None = None
         # Whoever keeps this must not keep the window.
         self._corners: list[tuple[ref[QMainWindow], Qt.Corner, Qt.DockWidgetArea]] = []
         button.setCheckable(True)
         button.toggled.connect(self._toggle)
-
-    @abstractmethod
-    def _new_dock(self) -> D:
-        """Return what stands in the dock, when it is first opened."""
-
-    @abstractmethod
-    def _add(self, dock: D) -> None:
-        """Put that into the window."""
 
     def give_corner(self, window: QMainWindow, corner: Qt.Corner, area: Qt.DockWidgetArea) -> None:
         """Have the docks at one side of the window fill one of its corners until the end.
@@ -140,7 +143,7 @@ class DockButton(ABC, Generic[D]):
         if self.dock is None:
             if not wanted:
                 return
-            self.dock = self._new_dock()
+            self.dock = self._make()
             self.dock.shown.connect(self._follow)
         # Closed by its own cross it has been taken out of its frame, which is gone.
         if wanted and self.dock.parentWidget() is None:

@@ -21,19 +21,33 @@ NAME = "Slices"
 OPEN = "slices/open"
 
 
-class SlicesButton(DockButton["SlicesDock"]):
+class SlicesButton:
     """Opens three linked slices beside the 3D view; whether they are open is remembered.
 
     Parameters
     ----------
     workspace : Workspace
+
+    Attributes
+    ----------
+    button : QPushButton
+    dock : SlicesDock or None
+        None until it is opened for the first time.
     """
 
     def __init__(self, workspace: Workspace) -> None:
         self._workspace = workspace
-        use = "Open three slices that follow the mouse, and that the 3D view follows."
-        super().__init__(workspace.viewer, button(NAME, use))
+        self.button = button(
+            NAME, "Open three slices that follow the mouse, and that the 3D view follows."
+        )
+        self._opener = DockButton(workspace.viewer, self.button, self._new_dock, self._add)
+        self.end = self._opener.end
         workspace.switched.connect(self._reopen)
+
+    @property
+    def dock(self) -> SlicesDock | None:
+        """What stands in the dock."""
+        return self._opener.dock
 
     def _reopen(self) -> None:
         """Open the dock with the first session where it was open the last time."""
@@ -50,13 +64,14 @@ class SlicesButton(DockButton["SlicesDock"]):
         return dock
 
     def _add(self, dock: SlicesDock) -> None:
-        native = native_window(self._viewer)
+        viewer = self._workspace.viewer
+        native = native_window(viewer)
         if native is not None:
-            self.stand_beside_left_docks(native)
+            self._opener.stand_beside_left_docks(native)
             # Slices are tall as well: above them nothing would be left of the panel.
             right = Qt.DockWidgetArea.RightDockWidgetArea
-            self.give_corner(native, Qt.Corner.BottomRightCorner, right)
-        window = unwrap(self._viewer).window
+            self._opener.give_corner(native, Qt.Corner.BottomRightCorner, right)
+        window = unwrap(viewer).window
         docked = window.add_dock_widget(dock, name=NAME, area="bottom", add_vertical_stretch=False)
         if native is not None:
             # Half of a low window is the picture's, however tall the slices would like to be.
@@ -64,7 +79,7 @@ class SlicesButton(DockButton["SlicesDock"]):
             native.resizeDocks([docked], [height], Qt.Orientation.Vertical)
 
     def _remember(self, shown: bool) -> None:
-        window = native_window(self._viewer)
+        window = native_window(self._workspace.viewer)
         # With the whole window, or what is left of it, it is hidden too, and open the next time.
         with suppress(RuntimeError):
             if self.dock is not None and window is not None and window.isVisible():

@@ -62,7 +62,7 @@ class TableDock(DockContents):
         menu.popup(self.columns.mapToGlobal(self.columns.rect().bottomLeft()))
 
 
-class TableButton(DockButton[TableDock]):
+class TableButton:
     """Opens the dock of the table and closes it.
 
     Parameters
@@ -70,12 +70,26 @@ class TableButton(DockButton[TableDock]):
     viewer : napari.Viewer
     new_pane : callable
         Given the key of its columns, makes a table.
+
+    Attributes
+    ----------
+    button : QPushButton
+    dock : TableDock or None
+        None until it is opened for the first time.
     """
 
     def __init__(self, viewer: napari.Viewer, new_pane: Callable[[str], ObjectsPane]) -> None:
-        self._new_pane = new_pane
-        use = "Show this table beside the 3D view, with room for more columns."
-        super().__init__(viewer, button("Table in a dock", use))
+        self._viewer, self._new_pane = viewer, new_pane
+        self.button = button(
+            "Table in a dock", "Show this table beside the 3D view, with room for more columns."
+        )
+        self._opener = DockButton(viewer, self.button, self._new_dock, self._add)
+        self.end = self._opener.end
+
+    @property
+    def dock(self) -> TableDock | None:
+        """What stands in the dock."""
+        return self._opener.dock
 
     def _new_dock(self) -> TableDock:
         dock = TableDock(self._viewer, self._new_pane("dock"))
@@ -93,7 +107,7 @@ class TableButton(DockButton[TableDock]):
             return
         middle = window.centralWidget()
         if middle is not None and middle.width() < WIDTH + LEAST_PICTURE:
-            self.stand_beside_left_docks(window)
+            self._opener.stand_beside_left_docks(window)
             window.addDockWidget(Qt.DockWidgetArea.BottomDockWidgetArea, frame)
         elif panel is not None:
             window.splitDockWidget(frame, panel, Qt.Orientation.Horizontal)
