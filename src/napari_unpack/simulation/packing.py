@@ -13,7 +13,7 @@ from napari_unpack.simulation.draping import Cloth, Draped, drape, tailor
 from napari_unpack.simulation.nesting import Content, contents, room_of
 from napari_unpack.simulation.nestling import WALL, nestle, surface, walled
 from napari_unpack.simulation.planning import Order
-from napari_unpack.simulation.rasterizing import Raster, rasterize, silhouette
+from napari_unpack.simulation.rasterizing import Raster, rasterize, silhouette, silhouette_size
 from napari_unpack.simulation.stacking import Profile, Rest, Stack
 
 SHRINK = 0.9
@@ -208,8 +208,12 @@ class Packing:
         # Coarse resting places, one for each way of lying, the best first.
         pool = _pool(self.labels.shape)
         stack = self.stack.coarse(pool)
+        room = stack.height.shape
         found = []
         for rotation in _ways_to_lie(thing, rng):
+            # Voxels of a very different length along one axis make silhouettes of many rows.
+            if (silhouette_size(thing.clay, rotation, self.spacing, pool)[::2] > room).any():
+                continue
             profile = silhouette(thing.clay, rotation, self.spacing, pool)
             spot = stack.best(profile)
             if spot is not None:

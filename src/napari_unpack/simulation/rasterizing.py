@@ -103,6 +103,20 @@ def rasterize(clay: Clay, rotation: NDArray[np.float64], spacing: NDArray[np.flo
     )
 
 
+def silhouette_size(
+    clay: Clay, rotation: NDArray[np.float64], spacing: NDArray[np.float64], pool: int
+) -> NDArray[np.int64]:
+    """Return how large a silhouette will be, before it is made: columns, rows, columns.
+
+    Parameters
+    ----------
+    clay, rotation, spacing, pool
+        As for `silhouette`.
+    """
+    low, high = _bounds(clay, rotation)
+    return np.maximum(np.ceil((high - low) / (spacing * (pool, 1, pool))).astype(np.int64), 1)
+
+
 def silhouette(
     clay: Clay, rotation: NDArray[np.float64], spacing: NDArray[np.float64], pool: int
 ) -> Profile:
@@ -118,7 +132,7 @@ def silhouette(
     program = clay.program()
     low, high = _bounds(clay, rotation)
     step = spacing * (pool, 1, pool)
-    size = np.maximum(np.ceil((high - low) / step).astype(np.int64), 1)
+    size = silhouette_size(clay, rotation, spacing, pool)
     origin = (low + high) / 2 - (size - 1) / 2 * step
     under = np.full((size[0], size[2]), BLOCKED, np.int32)
     over = np.zeros((size[0], size[2]), np.int32)
