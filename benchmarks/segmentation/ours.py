@@ -59,6 +59,7 @@ STAGES = {
     "streaks": Stage(method, "find_streaks", _none),
     "cables": Stage(pipeline, "gather_cables", _unchanged),
     "inclusions": Stage(pipeline, "separate_inclusions", _unchanged),
+    "taking off metal's blur": Stage(pipeline, "without_blur", _unchanged),
     "cavities": Stage(pipeline, "fill_cavities", _unchanged),
     "what is suspended": Stage(pipeline, "join_suspended", lambda labels, filled, _: filled),
 }

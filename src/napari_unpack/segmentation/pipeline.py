@@ -65,6 +65,7 @@ from napari_unpack.segmentation.postprocessing.cables import gather_cables
 from napari_unpack.segmentation.postprocessing.cavities import fill_cavities, join_suspended
 from napari_unpack.segmentation.postprocessing.crumpled_cloth import bundle_folds
 from napari_unpack.segmentation.postprocessing.inclusions import separate_inclusions
+from napari_unpack.segmentation.postprocessing.metal_blur import without_blur
 from napari_unpack.segmentation.review.evidence import Evidence, gather
 from napari_unpack.segmentation.working_grid import WORKING_VOXELS
 from napari_unpack.tasks import Progress, Share, beside, relayed
@@ -368,9 +369,10 @@ def _objects(
         return labels
     apart = share.part(0.94, 1.0, "Telling apart what lies in each other")
     labels = gather_cables(labels, density, share=apart.part(0.0, 0.4))
-    return separate_inclusions(
+    labels = separate_inclusions(
         labels, density, spacing, options.smallest, share=apart.part(0.4, 1.0)
     )
+    return without_blur(labels, density)
 
 
 def _objects_in_blocks(
