@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from napari_unpack.segmentation.foreground.streaks import find_streaks
+from napari_unpack.segmentation.common.density_regions import DensityScale
+from napari_unpack.segmentation.foreground.streaks import find_streaks, without_streaks
 from napari_unpack.segmentation.foreground.thresholds import Levels
 
 LEVELS = Levels(air=0.0, noise=5.0, low=65.0, high=100.0)
@@ -48,3 +49,27 @@ def test_what_lies_in_matter_is_not_judged():
     shell = labels.copy()
     shell[(labels == 0)] = 5
     assert not find_streaks(shell, density, LEVELS).any()
+
+
+def test_a_streak_goes_and_the_metal_in_it_stays_under_a_label_of_its_own():
+    labels, density = scene()
+    knife, speck = np.zeros_like(labels, bool), np.zeros_like(labels, bool)
+    knife[19:21, 16:24, 98:106] = True
+    speck[20, 28, 102] = True
+    density[knife | speck] = 9000
+    kept = labels.copy()
+    streaks = np.array([False, False, False, False, True])
+    # Solid is what is 54 times as dense as the knee: 2700.
+    found, count = without_streaks(labels, streaks, density, DensityScale(0.0, 50.0), 27.0)
+    assert (labels == kept).all()
+    assert count == 1
+    assert (found == np.where(knife, 5, np.where(labels < 4, labels, 0))).all()
+
+
+def test_a_streak_without_metal_goes_whole_and_metal_elsewhere_is_left_alone():
+    labels, density = scene()
+    density[labels == 2] = 9000
+    streaks = np.array([False, False, False, False, True])
+    found, count = without_streaks(labels, streaks, density, DensityScale(0.0, 50.0), 27.0)
+    assert count == 0
+    assert (found == np.where(labels < 4, labels, 0)).all()

@@ -332,6 +332,9 @@ def _segment_grid(
     filled = fill_cavities(labels, spacing, walls, closing)
     closing(1.0)
     labels = filled if noisy else join_suspended(labels, filled, spacing)
+    if not noisy and options.method != "cuts":
+        # Last: what it leaves empty is no cavity of the metal.
+        labels = without_blur(labels, density)
     share(1.0)
     labels = rank_labels(labels)
     if not labels.any():
@@ -369,10 +372,9 @@ def _objects(
         return labels
     apart = share.part(0.94, 1.0, "Telling apart what lies in each other")
     labels = gather_cables(labels, density, share=apart.part(0.0, 0.4))
-    labels = separate_inclusions(
+    return separate_inclusions(
         labels, density, spacing, options.smallest, share=apart.part(0.4, 1.0)
     )
-    return without_blur(labels, density)
 
 
 def _objects_in_blocks(

@@ -20,6 +20,10 @@ from napari_unpack.segmentation.common.flooding import flood
 from napari_unpack.segmentation.common.merging import roots
 from napari_unpack.tasks import SILENT, Share
 
+SOLID_METAL = 4.0
+"""Log density above which metal is solid: tools, keys and coins. The foreground's median lies at
+1.6; copper strands and thin sheet lie below."""
+
 
 @dataclass(frozen=True)
 class DensityScale:

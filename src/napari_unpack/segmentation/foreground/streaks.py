@@ -6,10 +6,12 @@ streak fades, and ends where it falls below the level that tells foreground from
 
 from __future__ import annotations
 
+import cc3d
 import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.kernels import njit
+from napari_unpack.segmentation.common.density_regions import SOLID_METAL, DensityScale
 from napari_unpack.segmentation.foreground.thresholds import Levels
 
 STEP = 0.75
@@ -50,6 +52,42 @@ def find_streaks(
     shares = steep / np.maximum(bare, 1)
     usual = float(np.median(shares[judged])) if judged.any() else 0.0
     return np.asarray(judged & (shares < SURFACE * usual))
+
+
+def without_streaks(
+    labels: NDArray[np.int32],
+    streaks: NDArray[np.bool_],
+    density: NDArray[np.generic],
+    scale: DensityScale,
+    least: float,
+) -> tuple[NDArray[np.int32], int]:
+    """Drop streaks, but for the solid metal in them that they go out from.
+
+    Parameters
+    ----------
+    labels : (Z, Y, X) ndarray of int32
+        Objects 1, 2, ..., 0 background. Not changed.
+    streaks : (M,) ndarray of bool
+        By label.
+    density : (Z, Y, X) ndarray
+    scale : DensityScale
+    least : float
+        Voxels of a piece of metal that is kept.
+
+    Returns
+    -------
+    labels : (Z, Y, X) ndarray of int32
+        Pieces of metal have labels of their own after M - 1.
+    count : int
+        Of these pieces.
+    """
+    dropped = streaks[labels]
+    solid = dropped & (density > scale.air + np.expm1(SOLID_METAL) * scale.knee)
+    pieces = cc3d.connected_components(solid, connectivity=26).astype(np.int32)
+    kept = np.bincount(pieces.reshape(-1)) >= least
+    kept[0] = False
+    names = np.where(kept, len(streaks) - 1 + np.cumsum(kept), 0).astype(np.int32)
+    return np.where(dropped, names[pieces], labels), int(kept.sum())
 
 
 @njit(cache=True, nogil=True)

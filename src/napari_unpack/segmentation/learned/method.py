@@ -33,7 +33,7 @@ from napari_unpack.segmentation.foreground.scanner_table import (
     find_supports,
     measured_section,
 )
-from napari_unpack.segmentation.foreground.streaks import find_streaks
+from napari_unpack.segmentation.foreground.streaks import find_streaks, without_streaks
 from napari_unpack.segmentation.foreground.thresholds import Levels, median_step
 from napari_unpack.segmentation.learned.affinity_linkage import (
     LinkageThreshold,
@@ -249,7 +249,8 @@ def find_objects(
     # What goes may be the last of the labels.
     metal = metal[: int(labels.max()) + 1]
     streaks = find_streaks(labels, density, found.levels) & ~metal
-    labels[streaks[labels]] = 0
+    labels, sources = without_streaks(labels, streaks, density, found.scale, few)
+    metal = np.concatenate([metal, np.ones(sources, np.bool_)])
     drawing(1.0)
     return absorb_small(labels, spacing, least, metal[: int(labels.max()) + 1])
 

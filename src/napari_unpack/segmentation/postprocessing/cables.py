@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.array_source import grown, strides_of
-from napari_unpack.segmentation.common.density_regions import DensityScale
+from napari_unpack.segmentation.common.density_regions import SOLID_METAL, DensityScale
 from napari_unpack.segmentation.foreground.methods import typical_knee
 from napari_unpack.tasks import SILENT, Share
 
-# Log densities between which a thread lies; the foreground's median lies at 1.6. Solid metal lies
-# above: tools and keys, several of which touch and none of which winds.
-DENSE, SOLID = 2.2, 4.0
+# Log density from which a thread lies, up to solid metal: several tools and keys touch, and none
+# of them winds. The foreground's median lies at 1.6.
+DENSE = 2.2
 # The log density bends by so much a voxel^2 across a thread, along two directions; along the third
 # by less than half of it.
 SHARP = 0.3
@@ -120,7 +120,7 @@ def _given(
     nothing = np.zeros_like(labels)
     # Half as dense as the middle of the thread.
     level = float(np.median(lifted[lines])) - float(np.log(2))
-    if level > SOLID:
+    if level > SOLID_METAL:
         return nothing
     bright = lifted >= level
     near = edt.edt(~lines, black_border=False)

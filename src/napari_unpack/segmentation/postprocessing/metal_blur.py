@@ -12,7 +12,8 @@ from scipy.ndimage import generate_binary_structure, maximum_filter
 
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.common.array_source import grown
-from napari_unpack.segmentation.postprocessing.cables import SOLID, scale_of
+from napari_unpack.segmentation.common.density_regions import SOLID_METAL
+from napari_unpack.segmentation.postprocessing.cables import scale_of
 
 BLURRED = 2
 """Voxels that scanners blur metal over: its surface is moved so far at most, and it is as dense as
@@ -40,7 +41,7 @@ def without_blur(labels: NDArray[np.int32], density: NDArray[np.generic]) -> NDA
     scale = scale_of(labels, density)
     if scale is None:
         return labels
-    solid = labels[density > scale.air + np.expm1(SOLID) * scale.knee]
+    solid = labels[density > scale.air + np.expm1(SOLID_METAL) * scale.knee]
     sizes = np.bincount(labels.reshape(-1))
     metal = np.flatnonzero(2 * np.bincount(solid, minlength=len(sizes)) > sizes)
     boxes = label_boxes(labels)
