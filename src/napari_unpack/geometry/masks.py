@@ -25,5 +25,5 @@ def unmasked(array: ArrayLike, nothing: float) -> NDArray[Any]:
     if not np.ma.is_masked(array) or array.dtype.kind not in "biuf":
         return np.asarray(array.data)
     whole = array.dtype.kind != "f"
-    found = array.astype(np.float32) if whole and np.isnan(nothing) else array
+    found: Any = array.astype(np.float32) if whole and np.isnan(nothing) else array
     return np.asarray(found.filled(nothing))
