@@ -187,7 +187,7 @@ def test_a_table_as_a_person_types_it_is_read(tmp_path: Path) -> None:
     )
     assert (second.labels, second.spacing, second.name) == (None, None, "b")
     table.write_text("volume,Volume\na.npz,b.npz\n")
-    with pytest.raises(ValueError, match="'volume', and each name once, got"):
+    with pytest.raises(ValueError, match="must have each column once, got"):
         find_inputs([table])
 
 

@@ -210,8 +210,10 @@ def _listed(table: Path) -> Iterator[ScanInput]:
         raise ValueError(f"{table} is no readable table: {error}") from error
     given = list(map(str, rows))
     rows.columns = [name.strip().lower() for name in given]
-    if "volume" not in rows or not rows.columns.is_unique:
-        raise ValueError(f"{table} must have a column 'volume', and each name once, got {given}")
+    if "volume" not in rows:
+        raise ValueError(f"{table} must have a column 'volume', got {given}")
+    if not rows.columns.is_unique:
+        raise ValueError(f"{table} must have each column once, got {given}")
     for number, row in enumerate(rows.to_dict("records"), 1):
         where = f"row {number} of {table}"
         volume = _entry(row, "volume")
