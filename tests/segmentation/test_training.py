@@ -167,3 +167,9 @@ def test_nested_lists_are_learned_from():
         np.testing.assert_array_equal(one, other)
     with pytest.raises(TypeError, match="volume must hold real numbers"):
         oracle_examples(SimpleNamespace(volume=labels * 1j, labels=labels, spacing=(1, 1, 1)))
+
+
+@pytest.mark.parametrize("bags", [SimpleNamespace(labels=None, volume=None), 5], ids=repr)
+def test_a_single_volume_is_told_how_it_is_given(bags):
+    with pytest.raises(TypeError, match="bags must be volumes with labels, one after another"):
+        train(bags)

@@ -122,6 +122,11 @@ def train(bags: Iterable[Labelled], seed: int = 0, progress: Progress | None = N
         If a volume cannot be used, see `oracle_examples`, there are fewer than eight objects, or
         the seed is no whole number of 0 or more.
     """
+    if hasattr(bags, "labels") or not np.iterable(bags):
+        raise TypeError(
+            f"bags must be volumes with labels, one after another, got {type(bags).__name__}: "
+            "give [bag] for a single one"
+        )
     if not is_integer(seed) or seed < 0:
         raise ValueError(f"seed must be a whole number of 0 or more, got {seed!r}")
     return relayed(lambda report: _trained(bags, seed, Share(report)), progress)
