@@ -173,3 +173,5 @@ def test_nested_lists_are_learned_from():
 def test_a_single_volume_is_told_how_it_is_given(bags):
     with pytest.raises(TypeError, match="bags must be volumes with labels, one after another"):
         train(bags)
+    with pytest.raises(TypeError, match=r"must have volume, labels and spacing.*got ndarray"):
+        train([np.zeros((4, 4, 4), int)])

@@ -214,10 +214,15 @@ def oracle_examples(
     Raises
     ------
     TypeError
-        If labels are not integers.
+        If it is no such volume, or its labels are not integers.
     ValueError
         If the volume has no labels of its shape, one is negative, or the spacing is not usable.
     """
+    if not all(hasattr(bag, name) for name in ("volume", "labels", "spacing")):
+        raise TypeError(
+            "a volume to learn from must have volume, labels and spacing, as load_volume and "
+            f"simulate_bag give it, got {type(bag).__name__}"
+        )
     volume, given = unmasked(bag.volume, np.nan), bag.labels
     labels = None if given is None else unmasked(given, 0)
     if labels is None or labels.shape != volume.shape or not labels.any():
