@@ -47,6 +47,53 @@ def test_a_volume_taken_for_labels_is_told_where_its_labels_lie_beside_it(
         assert (right.exit_code, "note: " in right.stderr) == (0, False)
 
 
+def test_labels_that_lie_beside_a_volume_are_used_unless_they_are_old_or_do_not_fit(
+    scan: Scan, bag: Path
+) -> None:
+    volume, labels = save_scan(scan, bag.with_name("ct.tif"))
+    lines = run("order", volume, "--backend", "cpu")
+    assert (lines.exit_code, len(lines.stdout.splitlines())) == (0, 3)
+    assert "note: ct.tif: its labels are those beside it, ct.labels.tif; --lab" in lines.stderr
+    assert "%" not in lines.stderr
+    # Whoever names labels means those.
+    one = (scan.labels == 1).astype(np.uint8)
+    mine = save_scan(Scan(one, scan.spacing), bag.with_name("mine.tif"))[0]
+    named = run("order", volume, "--backend", "cpu", "--labels", mine)
+    assert (len(named.stdout.splitlines()), "beside" in named.stderr) == (2, False)
+    os.utime(labels, (1, 1))
+    lines = run("order", volume, "--backend", "cpu")
+    why = "ct.labels.tif beside it is left out: it is older than the volume; it is segmented anew"
+    assert f"note: ct.tif: {why}, unless --labels names labels" in lines.stderr
+    assert (lines.exit_code, "%" in lines.stderr) == (0, True)
+    save_scan(Scan(scan.labels[1:], scan.spacing), labels)
+    lines = run("order", volume, "--backend", "cpu")
+    assert "beside it is left out: labels must have the volume's shape" in lines.stderr
+    assert (lines.exit_code, "%" in lines.stderr) == (0, True)
+
+
+def test_train_learns_from_labels_that_lie_beside(scan: Scan, bag: Path) -> None:
+    volume, labels = save_scan(scan, bag.with_name("ct.tif"))
+    told = run("train", bag.with_name("mine.npz"), volume)
+    assert "note: ct.tif: its labels are those beside it, ct.labels.tif\n" in told.stderr
+    assert "an oracle needs at least 8 objects" in told.stderr
+    os.utime(labels, (1, 1))
+    told = run("train", bag.with_name("mine.npz"), volume)
+    assert "beside it is left out: it is older than the volume\nerror: " in told.stderr
+    assert "needs labels to learn from: segment it first" in told.stderr
+
+
+def test_simulate_takes_no_table_of_anothers_for_its_own(tmp_path: Path) -> None:
+    table = tmp_path / "bag.csv"
+    table.write_text("mine")
+    asked = ("simulate", tmp_path / "bag.npz", "--shape", 32, 40, 40, "--count", 2)
+    told = run(*asked)
+    assert (told.exit_code, table.read_text()) == (1, "mine")
+    assert "bag.csv is there and would be overwritten by the table of the bag" in told.stderr
+    table.unlink()
+    # Another bag in place of the first.
+    assert [run(*asked).exit_code for _ in range(2)] == [0, 0]
+
+
 def test_advice_where_nothing_is_found_is_of_options_and_not_of_python(bag: Path) -> None:
     told = run("segment", bag, bag.with_name("out.npz"), "--smallest", "1e30")
     assert told.exit_code == 1

@@ -31,10 +31,12 @@ from napari_unpack.cli_options import (
     check_output,
     direction_of,
     expanded,
+    labelled_scan,
     load_input,
     open_input,
     picture_file,
     requested_decorations,
+    table_beside,
     tell_labels_beside,
     write_somewhere,
 )
@@ -124,12 +126,11 @@ def _simulate(
     """Simulate a packed bag with its true labels, and a table of its objects beside it."""
     from napari_unpack import simulate_bag
     from napari_unpack.io import Scan, save_objects_csv, save_scan
-    from napari_unpack.io.volumes import WRITABLE, stem_of
+    from napari_unpack.io.volumes import WRITABLE
 
     # Before the long work: a wrong name is told at once.
     check_output(output, WRITABLE)
-    table = output.with_name(stem_of(output) + ".csv")
-    check_output(table, (".csv",))
+    table = table_beside(output)
     bag = simulate_bag(
         seed=seed, shape=shape, count=count, spacing=spacing, progress=Ticker(), fidelity=fidelity
     )
@@ -244,13 +245,8 @@ class _Volumes:
         return len(self.paths)
 
     def __iter__(self) -> Iterator[Scan]:
-        from napari_unpack.io import load_volume
-
         for path in self.paths:
-            scan = load_volume(path, large=self.large)
-            if scan.labels is None or not scan.labels.any():
-                raise ValueError(f"{path} needs labels to learn from: segment it first")
-            yield scan
+            yield labelled_scan(path, self.large)
 
 
 @_command()

@@ -23,7 +23,9 @@ VolumeInput = Annotated[Path, typer.Argument(metavar="INPUT", help=f"{_VOLUME}."
 Input = Annotated[Path, typer.Argument(metavar="INPUT", help=f"{_VOLUME}; or a saved session.")]
 LabelsOption = Annotated[
     Path | None,
-    typer.Option(help="Label volume to use instead of labels in INPUT or a segmentation."),
+    typer.Option(
+        help="Label volume to use instead of labels in INPUT or beside it, or a segmentation."
+    ),
 ]
 At = Annotated[
     str | None,
@@ -139,6 +141,55 @@ def tell_labels_beside(file: Path) -> None:
             )
 
 
+def labelled_scan(path: Path, large: bool) -> Scan:
+    """Return a volume with labels to learn from.
+
+    Parameters
+    ----------
+    path : Path
+    large : bool
+        As for `load_volume`.
+
+    Raises
+    ------
+    ValueError
+        If neither the file nor one beside it has labels of its objects.
+    """
+    from napari_unpack.io import load_volume
+
+    scan = _with_labels_beside(load_volume(path, large=large), path, large)
+    if scan.labels is None or not scan.labels.any():
+        raise ValueError(f"{path} needs labels to learn from: segment it first")
+    return scan
+
+
+def _with_labels_beside(
+    scan: Scan, source: Path, large: bool, more: str = "", instead: str = ""
+) -> Scan:
+    """Return a scan without labels with those that lie beside its file, as `segment` writes them.
+
+    What is done is said on stderr, with what can be done about it.
+    """
+    from napari_unpack.io.labels_on_volume import scan_with_label_file
+    from napari_unpack.io.volumes import saved_files, suffix_of
+
+    # Slices and folders of them have no suffix that tells them from any other name.
+    beside = saved_files(source)[1:] if suffix_of(source) else []
+    if scan.labels is not None or not beside or not os.path.exists(beside[0]):
+        return scan
+    (file,) = beside
+    try:
+        if file.stat().st_mtime < source.stat().st_mtime:
+            raise ValueError("it is older than the volume")
+        found = scan_with_label_file(scan, file, large)
+    except (ValueError, OSError, ImportError, MemoryError) as error:
+        _tell_assumed(source, (f"{file.name} beside it is left out: {error}{instead}",))
+        return scan
+    told = f"its labels are those beside it, {file.name}{more}"
+    _tell_assumed(source, (told, *found.assumed[len(scan.assumed) :]))
+    return found
+
+
 def open_input(
     source: Path,
     labels: Path | None,
@@ -199,6 +250,9 @@ def open_input(
         _tell_assumed(source, scan.assumed[known:])
         if is_segmentation(labels):
             scan = replace(scan, names=segment_names(labels))
+    else:
+        anew = "; it is segmented anew, unless --labels names labels"
+        scan = _with_labels_beside(scan, source, large, "; --labels takes others", anew)
     return open_scan(scan, view or FROM_ABOVE, direction_of(direction), Ticker(), backend)
 
 
@@ -245,6 +299,32 @@ def check_output(
     if os.path.isdir(path) and not folder:
         raise ValueError(f"{path} is a folder: choose another output")
     check_writable(path)
+
+
+def table_beside(output: Path) -> Path:
+    """Return where the table of a simulated bag goes.
+
+    Parameters
+    ----------
+    output : Path
+        Of the bag.
+
+    Raises
+    ------
+    ValueError
+        If a file of another's is there, or it cannot be written, see `check_output`.
+    """
+    from napari_unpack.io.volumes import stem_of
+
+    table = output.with_name(stem_of(output) + ".csv")
+    check_output(table, (".csv",))
+    # Beside a bag it is that bag's.
+    if os.path.exists(table) and not os.path.exists(output):
+        raise ValueError(
+            f"{table} is there and would be overwritten by the table of the bag: choose another "
+            "output"
+        )
+    return table
 
 
 def write_somewhere(save: Callable[[Path], Iterable[Path]], path: Path, suffix: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
 import json
 import os
 import shutil
@@ -332,12 +333,46 @@ def test_workers_fit_cores_scans_and_memory(bags: Path) -> None:
 def test_what_a_call_is_given_counts(bags: Path, client: Any, tmp_path: Path) -> None:
     with pytest.raises(TypeError, match="give settings or pictures, not both"):
         nu.batch(bags / "a.npz", tmp_path / "out", client, settings=Settings(), **QUICK)
-    setting = "NAPARI_UNPACK_THREADS"
-    try:
-        nu.batch(bags / "a.npz", tmp_path / "out", client, threads=3, **QUICK)
-        assert set(client.run(os.getenv, setting).values()) == {"3"}
-    finally:
-        client.run(lambda: os.environ.pop(setting, None))
+
+
+def test_the_threads_of_a_run_are_those_it_was_given_and_no_later_runs(
+    bags: Path, client: Any, tmp_path: Path
+) -> None:
+    setting, seen = "NAPARI_UNPACK_THREADS", list[set[Any]]()
+
+    def look(*_: object) -> None:
+        seen.append(set(client.run(os.getenv, setting).values()))
+
+    for n in (3, 2):
+        nu.batch(bags / "a.npz", tmp_path / str(n), client, threads=n, told=look, **QUICK)
+    look()
+    assert seen == [{"3"}, {"2"}, {None}]
+
+
+@pytest.mark.parametrize("own", [None, "2"])
+def test_workers_in_the_callers_process_leave_its_own_threads(
+    bags: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own: str | None
+) -> None:
+    distributed = importlib.import_module("distributed")
+    setting, seen = "NAPARI_UNPACK_THREADS", list[str | None]()
+    if own is None:
+        monkeypatch.delenv(setting, raising=False)
+    else:
+        monkeypatch.setenv(setting, own)
+    here = {"processes": False, "n_workers": 2, "threads_per_worker": 1, "dashboard_address": ":0"}
+    with distributed.Client(**here) as client:
+        for n in (4, 3):
+            report = nu.batch(
+                bags / "a.npz",
+                tmp_path / str(n),
+                client,
+                threads=n,
+                told=lambda *_: seen.append(os.getenv(setting)),
+                **QUICK,
+            )
+            assert not report.failed
+            seen.append(os.getenv(setting))
+    assert seen == ["4", own, "3", own]
 
 
 def test_two_rows_of_one_volume_are_both_kept_when_done_anew(

@@ -176,6 +176,36 @@ def test_a_table_keeps_zeros_of_names_and_rows_of_one_volume(tmp_path: Path) -> 
     ]
 
 
+def test_a_table_as_a_person_types_it_is_read(tmp_path: Path) -> None:
+    table = tmp_path / "list.csv"
+    table.write_text("Volume, labels , SPACING, Name\na.npz, mine.npz, 2 1 0.5, 0007\nb.npz, , ,\n")
+    first, second = find_inputs([table])
+    assert (first.labels, first.spacing, first.name) == (
+        tmp_path / "mine.npz",
+        (2, 1, 0.5),
+        "0007",
+    )
+    assert (second.labels, second.spacing, second.name) == (None, None, "b")
+    table.write_text("volume,Volume\na.npz,b.npz\n")
+    with pytest.raises(ValueError, match="must have each column once, got"):
+        find_inputs([table])
+
+
+def test_numbers_are_names_without_a_fraction(tmp_path: Path) -> None:
+    rows = pd.DataFrame({"volume": ["a.npz", "b.npz"], "name": [1, None]})
+    rows.to_parquet(tmp_path / "list.parquet")
+    assert [one.name for one in find_inputs([tmp_path / "list.parquet"])] == ["1", "b"]
+
+
+def test_a_table_may_lead_above_its_folder_and_down_again(tmp_path: Path) -> None:
+    (tmp_path / "lists").mkdir()
+    table = tmp_path / "lists" / "list.csv"
+    table.write_text("volume,labels\n../a.npz,../mine.npz\n")
+    (found,) = find_inputs([table])
+    # As it is called wherever else it is named: a run that goes on knows it by that.
+    assert (found.volume, found.labels) == (tmp_path / "a.npz", tmp_path / "mine.npz")
+
+
 def test_a_name_that_is_made_is_nobodys(tmp_path: Path) -> None:
     folder = tmp_path / "in"
     folder.mkdir()

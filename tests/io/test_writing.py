@@ -118,3 +118,12 @@ def test_a_name_in_upper_case_is_a_name_as_any_other(tmp_path: Path, suffix: str
         write_labels_npz(path, volume, (1.0, 1.0, 1.0))
         np.testing.assert_array_equal(load_labels(path)[0], volume)
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".nii.gz", ".mha", ".nrrd", ".tif"])
+def test_arrays_in_the_other_byte_order_are_written(tmp_path: Path, suffix: str) -> None:
+    volume = np.arange(24).reshape(2, 3, 4)
+    scan = Scan(volume.astype(">u2"), (1, 1, 1), (volume // 6).astype(">i4"))
+    files = save_scan(scan, tmp_path / f"bag{suffix}")
+    np.testing.assert_array_equal(load_volume(files[0]).volume, volume)
+    np.testing.assert_array_equal(load_labels(files[-1])[0], volume // 6)

@@ -155,6 +155,15 @@ def test_a_table_by_class_and_over_all():
     assert score_by(both, rows).loc["a"].tolist() == table.loc["all"].tolist()
 
 
+def test_a_series_of_the_tables_own_ids_goes_by_them_however_it_is_sorted():
+    each = score_objects(line(1, 1, 2, 2, 3, 3, 4), line(1, 1, 2, 2, 2, 2, 0))
+    kinds = pd.Series({4: "lost", 2: "bulk", 1: "metal", 3: "bulk"})
+    pd.testing.assert_frame_equal(score_by(each, kinds), score_by(each, kinds.to_dict()))
+    # Rows counted from 0 are no IDs.
+    rows = kinds.sort_index().reset_index(drop=True)
+    pd.testing.assert_frame_equal(score_by(each, rows), score_by(each, kinds))
+
+
 def test_fragmentation_and_merge_rates_by_hand():
     result = score(line(1, 1, 2, 2, 3, 3, 4, 4), line(1, 5, 2, 2, 2, 2, 4, 4))
     assert result["fragmentation_rate"] == 0.25

@@ -156,3 +156,22 @@ def test_examples_that_are_all_alike_are_learned_without_a_warning(recwarn):
         SimpleNamespace(volume=volume, labels=labels, spacing=(1.0, 1.0, 1.0))
     )
     assert np.isfinite(oracle.scores(np.array(good))).all()
+
+
+def test_nested_lists_are_learned_from():
+    labels = np.zeros((6, 6, 12), int)
+    labels[1:5, 1:5, 1:6], labels[1:5, 1:5, 6:11] = 1, 2
+    known = SimpleNamespace(volume=labels * 500.0, labels=labels, spacing=(1, 1, 1))
+    lists = SimpleNamespace(volume=known.volume.tolist(), labels=labels.tolist(), spacing=[1, 1, 1])
+    for one, other in zip(oracle_examples(known), oracle_examples(lists), strict=True):
+        np.testing.assert_array_equal(one, other)
+    with pytest.raises(TypeError, match="volume must hold real numbers"):
+        oracle_examples(SimpleNamespace(volume=labels * 1j, labels=labels, spacing=(1, 1, 1)))
+
+
+@pytest.mark.parametrize("bags", [SimpleNamespace(labels=None, volume=None), 5], ids=repr)
+def test_a_single_volume_is_told_how_it_is_given(bags):
+    with pytest.raises(TypeError, match="bags must be volumes with labels, one after another"):
+        train(bags)
+    with pytest.raises(TypeError, match=r"must have volume, labels and spacing.*got ndarray"):
+        train([np.zeros((4, 4, 4), int)])

@@ -6,11 +6,13 @@ import importlib
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import napari_unpack as nu
+from napari_unpack.io import Scan, load_labels, load_volume, save_scan
 from napari_unpack.segmentation.common.validation import padding_of
 from napari_unpack.segmentation.foreground.scanner_table import measured_section
 from napari_unpack.segmentation.foreground.thresholds import find_levels
@@ -108,6 +110,50 @@ def test_what_is_masked_is_nothing() -> None:
     found = nu.segment(masked)
     assert found.objects["mean_density"].max() < 1600
     assert not found.labels[25:33, 25:33, 1:19].any()
+
+
+def blotted() -> tuple[np.ndarray, np.ma.MaskedArray]:
+    """Return a volume of whole numbers with NaN in a block, and one that is masked there."""
+    known = boxes().astype(np.float32).round()
+    masked = np.ma.array(known.astype(np.int32), mask=False)
+    masked[8:14, 8:14, 8:14] = 9000
+    masked[8:14, 8:14, 8:14] = np.ma.masked
+    known[8:14, 8:14, 8:14] = np.nan
+    return known, masked
+
+
+def test_a_session_a_picture_a_score_and_an_oracle_see_nothing_of_what_is_masked() -> None:
+    known, masked = blotted()
+    objects = (boxes() > 500).astype(np.int32)
+    hole = np.isnan(known)
+    given = np.ma.array(np.where(hole, 7, objects), mask=hole)
+    left = np.where(hole, 0, objects)
+    session = nu.Session(masked, given)
+    np.testing.assert_array_equal(session.volume, known)
+    np.testing.assert_array_equal(session.labels, left)
+    assert session.transfer_function == nu.Session(known, left).transfer_function
+    pictures = [nu.render(v, ids, size=(24, 32), backend="cpu") for v, ids in (
+        (masked, given), (known, left),
+    )]  # fmt: skip
+    np.testing.assert_array_equal(*pictures)
+    assert nu.score(given, left) == nu.score(left, left)
+    plain, hidden = (
+        oracle_examples(SimpleNamespace(volume=v, labels=ids, spacing=(1.0, 1.0, 1.0)))
+        for v, ids in ((known, left), (masked, given))
+    )
+    np.testing.assert_array_equal(plain[0], hidden[0])
+    # Where nothing is masked, nothing becomes another type.
+    assert nu.Session(masked.filled(0).view(np.ma.MaskedArray), left).volume.dtype == np.int32
+
+
+@pytest.mark.parametrize("name", ["scan.npz", "scan.nii.gz", "scan.mha", "scan.tif"])
+def test_files_hold_nothing_of_what_is_masked(tmp_path: Path, name: str) -> None:
+    known, masked = blotted()
+    hole = np.isnan(known)
+    labels = np.ma.array(np.where(hole, 7, 1), mask=hole)
+    files = save_scan(Scan(masked, (1.0, 1.0, 1.0), labels), tmp_path / name)
+    np.testing.assert_array_equal(load_volume(files[0]).volume, known)
+    np.testing.assert_array_equal(load_labels(files[-1])[0], ~hole)
 
 
 def test_labels_do_not_go_into_the_volume_nor_into_what_is_read_only() -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from bags import session_of, stack_of_plates
+from skimage.measure import regionprops_table
 
 import napari_unpack as nu
 from napari_unpack.geometry.transforms import Pose
@@ -272,6 +273,34 @@ def test_a_table_read_from_a_file_is_known_by_its_column_id(tmp_path: Path) -> N
     assert session_of(stack_of_plates(), objects=batches).objects.loc[2, "name"] == "b"
     with pytest.raises(ValueError, match="each ID once"):
         session_of(stack_of_plates(), objects=pd.concat([read, read], ignore_index=True))
+
+
+@pytest.mark.parametrize("column", ["id", "label"])
+def test_a_table_of_a_part_of_the_objects_and_of_others_is_known_by_its_column(column: str) -> None:
+    # 9 has gone from the labels since, or lies outside them.
+    table = pd.DataFrame({column: [2, 3, 4, 9], "name": ["lid", "pan", "tray", "lamp"]})
+    blank = pd.concat([table, pd.DataFrame({"name": ["?", "?"]})], ignore_index=True)
+    for given in (table, blank, table.drop(index=0), table.set_index(pd.Index([1, 2, 3, 4]))):
+        objects = session_of(stack_of_plates(), objects=given).objects
+        lid = "lid" if 2 in given[column].tolist() else "Object 2"
+        assert objects["name"].tolist() == ["Object 1", lid, "pan", "tray", "Object 5"]
+
+
+def test_a_table_as_scikit_image_measures_it_is_known_by_its_column_label() -> None:
+    bag = stack_of_plates()
+    table = pd.DataFrame(regionprops_table(bag, properties=("label", "area")))
+    objects = session_of(bag, objects=table).objects
+    assert objects["area"].tolist() == objects["voxels"].tolist()
+    # A person's own, beside the objects' IDs.
+    own = pd.DataFrame({"label": [2, 3, 4, 5, 6]}, index=range(1, 6))
+    assert session_of(bag, objects=own).objects["label"].tolist() == [2, 3, 4, 5, 6]
+
+
+@pytest.mark.parametrize("ids", [None, [True, False, True], [0.5, 1, 2], [7, 8, 9]], ids=repr)
+def test_a_table_whose_rows_are_counted_from_0_is_refused(ids: Any) -> None:
+    table = pd.DataFrame({"name": [*"abc"]} | ({} if ids is None else {"id": ids}))
+    with pytest.raises(ValueError, match="rows counted from 0, which is no object: use"):
+        session_of(stack_of_plates(), objects=table)
 
 
 def test_a_name_made_of_a_kind_keeps_its_letters_but_for_the_first() -> None:

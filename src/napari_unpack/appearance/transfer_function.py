@@ -9,6 +9,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from napari_unpack.geometry.masks import unmasked
+
 # Enough for quantiles to a thousandth; more only takes time.
 MOST_SAMPLES = 1_000_000
 
@@ -40,9 +42,10 @@ def foreground_ramp(volume: ArrayLike) -> tuple[float, float, float, float, floa
     Otsu's threshold (1979) on densities clipped to their 97th percentile, or a higher one where
     less than 3 % is matter: a percent of metal would pull it up until cloth and plastic vanish.
     """
-    samples = _samples(np.asarray(volume))
+    density = unmasked(volume, np.nan)
+    samples = _samples(density)
     if samples.size == 0 or samples.min() == samples.max():
-        samples = np.concatenate([samples, _extremes(np.asarray(volume))])
+        samples = np.concatenate([samples, _extremes(density)])
     if samples.size == 0:
         raise ValueError("volume must hold finite densities, got none")
     lowest, highest = float(samples.min()), float(samples.max())

@@ -202,24 +202,28 @@ def _listed(table: Path) -> Iterator[ScanInput]:
     if suffix_of(table) == ".parquet":
         needed("pyarrow", "reading Parquet tables", "batch")
     try:
-        # Names of digits keep their zeros.
-        csv = partial(pd.read_csv, dtype={"volume": str, "labels": str, "name": str})
+        # As text, so that names of digits keep their zeros; people put blanks after commas.
+        csv = partial(pd.read_csv, dtype=str, skipinitialspace=True)
         rows: Any = (pd.read_parquet if suffix_of(table) == ".parquet" else csv)(table)
     except Exception as error:
         # Of pandas and of pyarrow, which have errors of their own.
         raise ValueError(f"{table} is no readable table: {error}") from error
+    given = list(map(str, rows))
+    rows.columns = [name.strip().lower() for name in given]
     if "volume" not in rows:
-        raise ValueError(f"{table} must have a column 'volume', got {list(map(str, rows))}")
+        raise ValueError(f"{table} must have a column 'volume', got {given}")
+    if not rows.columns.is_unique:
+        raise ValueError(f"{table} must have each column once, got {given}")
     for number, row in enumerate(rows.to_dict("records"), 1):
         where = f"row {number} of {table}"
         volume = _entry(row, "volume")
         if volume is None:
             raise ValueError(f"{where} names no volume")
         labels, name = _entry(row, "labels"), _entry(row, "name")
-        path = table.parent / given_path(volume)
+        path = _plain(table.parent / given_path(volume))
         scan = replace(_scan(path), spacing=_spacing(row.get("spacing"), where))
         # What a table leaves out counts as left out: no labels are looked for beside the volume.
-        own = table.parent / given_path(labels) if labels else None
+        own = _plain(table.parent / given_path(labels)) if labels else None
         scan = replace(scan, labels=own if "labels" in row else scan.labels)
         yield replace(scan, name=name or scan.name)
 
@@ -227,6 +231,8 @@ def _listed(table: Path) -> Iterator[ScanInput]:
 def _entry(row: dict[str, Any], column: str) -> str | None:
     value = row.get(column)
     missing = value is None or (isinstance(value, float) and math.isnan(value))
+    # Whole numbers beside missing ones, as Parquet has them.
+    value = int(value) if isinstance(value, float) and value % 1 == 0 else value
     return None if missing or not str(value).strip() else str(value).strip()
 
 

@@ -14,6 +14,12 @@ from napari_unpack.batches.results import ScanResult
 from napari_unpack.batches.scan_work import Place, work_on
 from napari_unpack.thread_count import SETTING, thread_count
 
+_before: list[str | None] = []
+"""What the setting of threads was, once for each worker of this process; the first was a person's.
+
+A cluster without processes of its own has several workers in one, which may be the person's.
+"""
+
 
 class WorkerSetup(WorkerPlugin):
     """Gives each scan its share of a machine's cores, and compiled kernels one writer at a time.
@@ -39,11 +45,26 @@ class WorkerSetup(WorkerPlugin):
         worker : distributed.Worker
         """
         keep_kernels_one_at_a_time()
+        _before.append(os.environ.get(SETTING))
         at_once = max(self._scans.get(worker.ip, 1), worker.state.nthreads)
         share = self._threads or max(1, thread_count() // at_once)
         if self._threads:
             os.environ[SETTING] = str(share)
         os.environ.setdefault(SETTING, str(share))
+
+    def teardown(self, worker: Worker) -> None:
+        """Give the process back its own setting with its last worker.
+
+        Parameters
+        ----------
+        worker : distributed.Worker
+        """
+        own = _before.pop()
+        if _before:
+            return
+        os.environ.pop(SETTING, None)
+        if own is not None:
+            os.environ[SETTING] = own
 
 
 def scan_on_worker(scan: ScanInput, place: Place, known: Mapping[str, str]) -> ScanResult:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from time import sleep
@@ -164,10 +164,11 @@ def batch(
         claim_folder(folder, settings, force)
         speak(_described(cluster))
         place = Place(folder, settings, large=large)
-        for result in _results(cluster, scans, place, known, threads, speak):
-            done[result.scan] = result
-            if told is not None:
-                told(result, len(done), len(scans))
+        with _set_up(cluster, threads):
+            for result in _results(cluster, scans, place, known, speak):
+                done[result.scan] = result
+                if told is not None:
+                    told(result, len(done), len(scans))
     results = tuple(done[scan.name] for scan in scans)
     if force:
         _remove_replaced(folder, results)
@@ -206,20 +207,33 @@ def _check_disk(
     check_space(first, needed - int(1e6 * sum(one.megabytes for one in found)))
 
 
+@contextmanager
+def _set_up(client: Any, threads: int | None) -> Iterator[None]:
+    """Have workers take their share of the cores, which they forget in the end."""
+    from napari_unpack.batches.on_worker import WorkerSetup
+
+    client.register_plugin(WorkerSetup(threads_by_host(client), threads))
+    try:
+        yield
+    finally:
+        # A cluster that was lost has nothing to forget, and would be waited for.
+        if client.status == "running":
+            with suppress(Exception):
+                client.unregister_worker_plugin(WorkerSetup.name)
+
+
 def _results(
     client: Any,
     scans: Sequence[ScanInput],
     place: Place,
     known: dict[str, str],
-    threads: int | None,
     speak: Callable[[str], None],
 ) -> Iterator[ScanResult]:
     """Yield what came of each scan as it is done; Dask sees to workers that are lost."""
     from distributed import CancelledError, as_completed
 
-    from napari_unpack.batches.on_worker import WorkerSetup, same, scan_on_worker
+    from napari_unpack.batches.on_worker import same, scan_on_worker
 
-    client.register_plugin(WorkerSetup(threads_by_host(client), threads))
     # Kept to the end: without it nothing that is lost with its worker can be done again.
     shared = client.submit(same, known, pure=False)
     futures = client.map(scan_on_worker, scans, place=place, known=shared, pure=False)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry import axes
+from napari_unpack.geometry.masks import unmasked
 
 Spacing = tuple[float, float, float]
 
@@ -67,12 +68,8 @@ class Scan:
         return replace(self, labels=labels, names=None)
 
 
-def check_scan(scan: Scan) -> None:
-    """Refuse a scan that could not be read from the file that it was written to.
-
-    Parameters
-    ----------
-    scan : Scan
+def checked_scan(scan: Scan) -> Scan:
+    """Return a scan as it could be read from the file that it is written to.
 
     Raises
     ------
@@ -80,11 +77,13 @@ def check_scan(scan: Scan) -> None:
         If its volume or its labels are none, differ in shape, or the voxel size or the place in
         the scanner is none.
     """
-    volume = checked_volume_array(scan.volume, "the volume")
-    if scan.labels is not None:
-        check_one_shape(volume, checked_label_array(scan.labels, "the labels"), "the scan")
+    volume, labels = checked_volume_array(scan.volume, "the volume"), scan.labels
+    if labels is not None:
+        labels = checked_label_array(labels, "the labels")
+        check_one_shape(volume, labels, "the scan")
     checked_spacing(scan.spacing, "the scan")
     checked_place(scan.scanner_from_scan, "the scan")
+    return replace(scan, volume=volume, labels=labels)
 
 
 def check_one_shape(volume: NDArray[Any], labels: NDArray[Any], source: object) -> None:
@@ -136,7 +135,7 @@ def checked_place(matrix: ArrayLike | None, source: object) -> axes.Matrix | Non
 def checked_volume_array(array: NDArray[Any], source: object) -> NDArray[Any]:
     """Return an array that is a volume, without axes of length 1 in front or behind.
 
-    A mask is one of 0 and 1.
+    One of True and False is one of 0 and 1; what is masked was not measured, NaN.
 
     Parameters
     ----------
@@ -150,7 +149,7 @@ def checked_volume_array(array: NDArray[Any], source: object) -> NDArray[Any]:
     ValueError
         If it is not 3D, is empty, or does not hold real numbers; `source` names it.
     """
-    array = np.asarray(array)
+    array = unmasked(array, np.nan)
     # Time and channel of length 1, which many tools write; a thin volume keeps its own axes.
     while array.ndim > 3 and 1 in array.shape:
         array = array.squeeze(axis=array.shape.index(1))
@@ -182,7 +181,7 @@ def checked_label_array(array: NDArray[Any], source: object) -> NDArray[Any]:
     ValueError
         If it is not a volume, or does not hold whole numbers from 0 on.
     """
-    array = checked_volume_array(array, source)
+    array = checked_volume_array(unmasked(array, 0), source)
     if array.dtype.kind == "f":
         # NaN and infinity fail the comparison below, with a better message.
         with np.errstate(invalid="ignore"):

@@ -16,7 +16,7 @@ from napari_unpack.atomic import check_space, check_writable, checked_target, gi
 from napari_unpack.file_sizes import check_plain_file
 from napari_unpack.io.arrays import read_names, read_npy, read_npz, write_npz
 from napari_unpack.io.file_data import FIRST_LABELS, FileData
-from napari_unpack.io.scan import Scan, Spacing, check_scan, checked_label_array
+from napari_unpack.io.scan import Scan, Spacing, checked_label_array, checked_scan
 from napari_unpack.read_errors import read_errors_told
 
 # Headers of two-file formats (.mhd, .nhdr) are read but not written: one volume, one file.
@@ -154,7 +154,7 @@ def save_scan(scan: Scan, path: str | Path) -> list[Path]:
     ImportError
         If the format needs a package that is not installed.
     """
-    check_scan(scan)
+    scan = checked_scan(scan)
     scan = scan if scan.labels is None else replace(scan, labels=_narrow(scan.labels))
     file = checked_target(path)
     suffix = suffix_of(file)
@@ -284,8 +284,6 @@ def has_dicom_preamble(file: Path) -> bool:
 
 
 def _write(file: Path, array: NDArray[Any], scan: Scan) -> None:
-    # These formats have no type for masks.
-    array = array.view(np.uint8) if array.dtype.kind == "b" else array
     if suffix_of(file) in TIFF_SUFFIXES:
         from napari_unpack.io.tiff import write_tiff
 

@@ -18,6 +18,7 @@ from napari_unpack.appearance import Decorations, TransferFunction
 from napari_unpack.appearance.interference_graph import checked_layers
 from napari_unpack.geometry.axes import checked_spacing, number, transform_points, unit
 from napari_unpack.geometry.boxes import label_boxes
+from napari_unpack.geometry.masks import unmasked
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts, SparseTable, Table
 from napari_unpack.geometry.shading import Shading
 from napari_unpack.geometry.view import Camera, View
@@ -323,7 +324,7 @@ def default_for(
     density : (Z, Y, X) ndarray of uint16 or float32
         What kernels take of it.
     """
-    given, measured = np.asarray(volume), density
+    given, measured = unmasked(volume, np.nan), density
     # What stands in for NaN and infinities is no density of the scan.
     if given.dtype.kind == "f" and not (known := np.isfinite(given)).all():
         measured = given if given.dtype == np.float32 else np.where(known, density, np.nan)

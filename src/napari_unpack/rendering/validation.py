@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.axes import is_integer
+from napari_unpack.geometry.masks import unmasked
 from napari_unpack.geometry.relabeling import compact_labels
 from napari_unpack.geometry.view import View
 from napari_unpack.memory import PICTURE_BYTES, check_picture
@@ -111,7 +112,7 @@ def checked_labels(labels: ArrayLike) -> Labels:
     ValueError
         If they are not 3D, empty, negative, above int64, or hold more than 65,535 objects.
     """
-    array = np.asarray(labels)
+    array = unmasked(labels, 0)
     if array.dtype != np.bool_ and not np.issubdtype(array.dtype, np.integer):
         raise TypeError(f"labels must be integers (object IDs), got {array.dtype}; convert them")
     _check_shape(array, "labels")
@@ -155,7 +156,7 @@ def checked_volume(
     ValueError
         If it is not 3D, empty, of another shape, or holds no finite number.
     """
-    array = np.asarray(volume)
+    array = unmasked(volume, np.nan)
     if array.dtype.kind not in "biuf":
         raise TypeError(f"volume must hold real numbers, got {array.dtype}")
     _check_shape(array, "volume")

@@ -322,7 +322,8 @@ def score_by(objects: pd.DataFrame, groups: Mapping[int, Any] | pd.Series) -> pd
     objects : pandas.DataFrame
         As `score_objects` returns it; tables of several bags may be concatenated.
     groups : mapping of int to str, or pandas.Series
-        The group of each ID; a Series as long as the table is taken row by row.
+        The group of each ID. A Series as long as the table is taken row by row, unless both have
+        the same IDs, each once.
 
     Returns
     -------
@@ -333,7 +334,10 @@ def score_by(objects: pd.DataFrame, groups: Mapping[int, Any] | pd.Series) -> pd
         table has them surface_mm and hausdorff95_mm (means of the matched).
     """
     if isinstance(groups, pd.Series) and len(groups) == len(objects):
-        keys = groups.to_numpy()
+        ids = objects.index
+        known = ids.is_unique and groups.index.is_unique and ids.isin(groups.index).all()
+        # However either is sorted.
+        keys = (groups.reindex(ids) if known else groups).to_numpy()
     else:
         keys = np.array([str(groups.get(i, "unknown")) for i in objects.index])
     facts = pd.DataFrame(

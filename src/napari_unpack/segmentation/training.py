@@ -11,11 +11,17 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.axes import is_integer
 from napari_unpack.geometry.boxes import label_boxes
+from napari_unpack.geometry.masks import unmasked
 from napari_unpack.geometry.relabeling import MOST_OBJECTS, compact_labels
 from napari_unpack.segmentation.common.adjacency import find_neighbours
 from napari_unpack.segmentation.common.density_regions import air_offset
 from napari_unpack.segmentation.common.region import Region
-from napari_unpack.segmentation.common.validation import Spacing, checked_labels, checked_spacing
+from napari_unpack.segmentation.common.validation import (
+    Spacing,
+    checked_form,
+    checked_labels,
+    checked_spacing,
+)
 from napari_unpack.segmentation.confidence.examples import FEWEST, SMALLEST, usable_examples
 from napari_unpack.segmentation.confidence.features import features
 from napari_unpack.segmentation.confidence.oracle import Oracle, fit_features
@@ -116,6 +122,11 @@ def train(bags: Iterable[Labelled], seed: int = 0, progress: Progress | None = N
         If a volume cannot be used, see `oracle_examples`, there are fewer than eight objects, or
         the seed is no whole number of 0 or more.
     """
+    if hasattr(bags, "labels") or not np.iterable(bags):
+        raise TypeError(
+            f"bags must be volumes with labels, one after another, got {type(bags).__name__}: "
+            "give [bag] for a single one"
+        )
     if not is_integer(seed) or seed < 0:
         raise ValueError(f"seed must be a whole number of 0 or more, got {seed!r}")
     return relayed(lambda report: _trained(bags, seed, Share(report)), progress)
@@ -203,13 +214,21 @@ def oracle_examples(
     Raises
     ------
     TypeError
-        If labels are not integers.
+        If it is no such volume, or its labels are not integers.
     ValueError
         If the volume has no labels of its shape, one is negative, or the spacing is not usable.
     """
-    if bag.labels is None or bag.labels.shape != bag.volume.shape or not bag.labels.any():
+    if not all(hasattr(bag, name) for name in ("volume", "labels", "spacing")):
+        raise TypeError(
+            "a volume to learn from must have volume, labels and spacing, as load_volume and "
+            f"simulate_bag give it, got {type(bag).__name__}"
+        )
+    volume, given = unmasked(bag.volume, np.nan), bag.labels
+    labels = None if given is None else unmasked(given, 0)
+    if labels is None or labels.shape != volume.shape or not labels.any():
         raise ValueError("a volume to learn from needs labels of its own shape; segment it first")
-    labels, size = checked_labels(bag.labels, "labels"), checked_spacing(bag.spacing)
+    checked_form(volume.shape, volume.dtype)
+    labels, size = checked_labels(labels, "labels"), checked_spacing(bag.spacing)
     if labels.max() > MOST_OBJECTS:
         # Tables have a row for each ID up to the largest.
         labels = compact_labels(labels)[0]
@@ -217,11 +236,11 @@ def oracle_examples(
     if len(specks := boxes.ids[boxes.counts < SMALLEST]):
         # A brush leaves them: an object with a speck of its own is no two that were merged.
         labels = np.where(np.isin(labels, specks), 0, labels)
-    objects = list(true_objects(bag.volume, labels, size))
+    objects = list(true_objects(volume, labels, size))
     share(0.1)
     good = [features(region) for region in share.part(0.1, 0.4).over(objects)]
     # Made one by one: thousands of pairs take long to make, and much memory.
-    bad = [features(pair) for pair in merged_pairs(bag.volume, labels, size, share.part(0.4, 0.8))]
+    bad = [features(pair) for pair in merged_pairs(volume, labels, size, share.part(0.4, 0.8))]
     parted = share.part(0.8, 1.0).over(objects)
     bad += [features(half) for half in halves(parted, np.random.default_rng(seed))]
     return good, bad

@@ -47,9 +47,10 @@ def object_table(
     spacing : (3,) ndarray of float64
         Voxel size in mm, z y x.
     given : DataFrame, optional
-        Indexed by ID. Where the index has no name, a column `id` of whole numbers is taken for the
-        IDs if the index holds 0, which no object is, or if all of it are labels, each once. Its
-        columns are kept, its rows of other objects dropped.
+        Indexed by ID. Where the index has no name and is not all of the labels, a column `id` of
+        whole numbers is taken for the IDs if it has each once and one of them is a label; or else
+        `label`, as scikit-image has it. Its other columns are kept, its rows of other objects
+        dropped.
     given_ids : (M,) ndarray of int64, optional
         By ID, the one people know it by: in the index of `given`, in names, and in a column
         `label` of the table, unless the given one has another. None where that is the ID itself.
@@ -63,11 +64,10 @@ def object_table(
     Raises
     ------
     ValueError
-        If the given table holds an ID twice, a column's name is not one or not its own,
-        or words stand where numbers belong.
+        If the given table holds an ID twice or counts its rows from 0, a column's name is not one
+        or not its own, or words stand where numbers belong.
     """
     import pandas as pd
-    from pandas.api.types import is_integer_dtype
 
     means, centers = _measure(volume, labels, int(boxes.ids[-1]))
     ids = boxes.ids
@@ -91,12 +91,7 @@ def object_table(
         raise ValueError(
             f"objects must have one name for each column, and each once, got {[*given.columns]}"
         )
-    numbered = given.index.name is None and "id" in given and is_integer_dtype(given["id"])
-    # As pandas reads it from a .csv: no object is 0. A person's own column of that name stays.
-    if numbered and (0 in given.index or _all_once(given["id"], known_by)):
-        given = given.set_index("id")
-    if not given.index.is_unique:
-        raise ValueError("objects must have each ID once in its index, or its column 'id'")
+    given = _by_id(given, known_by)
     known = _plain_columns(given.reindex(known_by).set_index(found.index))
     if given_ids is not None and not _says_ids(known, known_by):
         del found["label"]
@@ -115,8 +110,32 @@ def object_table(
     return found.join(known[extra])
 
 
-def _all_once(ids: pd.Series, known: NDArray[np.int64]) -> bool:
-    return bool(ids.is_unique and ids.isin(known).all())
+def _by_id(table: pd.DataFrame, ids: NDArray[np.int64]) -> pd.DataFrame:
+    """Return a given table with the IDs of its rows, each once, as its index."""
+    # A person's own columns of these names stay where the index is of the objects.
+    if table.index.name is None and set(table.index) != set(ids.tolist()):
+        for column in ("id", "label"):
+            if column in table and _may_be_ids(table[column], ids):
+                return table.dropna(subset=[column]).set_index(column)
+        if 0 in table.index:
+            raise ValueError(
+                "objects must have each ID once in its index, or its column 'id' or 'label', got "
+                "rows counted from 0, which is no object: use objects.set_index(...), or leave "
+                "out the row 0 if it is the background's"
+            )
+    if not table.index.is_unique:
+        raise ValueError("objects must have each ID once in its index, or its column 'id'")
+    return table
+
+
+def _may_be_ids(column: pd.Series, ids: NDArray[np.int64]) -> bool:
+    from pandas.api.types import is_bool_dtype, is_numeric_dtype
+
+    # Whole numbers beside missing ones are floats.
+    numbers = column.dropna()
+    if not is_numeric_dtype(numbers) or is_bool_dtype(numbers) or not (numbers % 1 == 0).all():
+        return False
+    return bool(numbers.is_unique and numbers.isin(ids).any())
 
 
 def _says_ids(table: pd.DataFrame, ids: NDArray[np.int64]) -> bool:

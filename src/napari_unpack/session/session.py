@@ -59,7 +59,7 @@ class Session:
     spacing : (3,) array_like
         Voxel size in mm, z y x.
     objects : DataFrame, optional
-        Facts by index or column `id`; completed with what is missing.
+        Facts by ID, in the index or a column `id` or `label`; completed with what is missing.
     casters : RayQueries, optional
         What casts the rays, by default `rendering`.
     clock : callable, optional

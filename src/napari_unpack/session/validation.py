@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.axes import Matrix, fixed, is_integer, number
+from napari_unpack.geometry.masks import unmasked
 from napari_unpack.geometry.relabeling import compact_labels
 from napari_unpack.geometry.transforms import Pose, is_rotation
 from napari_unpack.rendering import validation
@@ -23,7 +24,9 @@ WIDEST = 65_535
 
 
 def checked_volume(volume: ArrayLike) -> NDArray[Any]:
-    """Return a volume one can look into; a mask is one of 0 and 1.
+    """Return a volume one can look into; one of True and False is one of 0 and 1.
+
+    What is masked was not measured, NaN.
 
     Raises
     ------
@@ -32,7 +35,7 @@ def checked_volume(volume: ArrayLike) -> NDArray[Any]:
     ValueError
         If it is not 3D, is empty, or has no finite value.
     """
-    array = np.asarray(volume)
+    array = unmasked(volume, np.nan)
     if array.ndim != 3:
         raise ValueError(f"volume must be 3D (Z, Y, X), got shape {array.shape}")
     if array.size == 0:
@@ -72,7 +75,7 @@ def checked_labels(
     ValueError
         If their shape is another, one is negative, all are 0, or there are more than 65,535.
     """
-    array = np.asarray(labels)
+    array = unmasked(labels, 0)
     if array.shape != shape:
         raise ValueError(f"labels must have the volume's shape {shape}, got {array.shape}")
     if array.dtype.kind not in "uib":

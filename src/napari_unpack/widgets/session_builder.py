@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from napari_unpack.geometry.masks import unmasked
 from napari_unpack.tasks import Progress, Share, attended
 from napari_unpack.viewer.warm_up import color_labels
 from napari_unpack.widgets.layer_inputs import LazyArray, Volume, in_memory
@@ -109,7 +110,7 @@ def build(
                     found, segmentation = _segmented_whole(volume, settings, finding)
             labels, objects, evidence = found, segmentation.objects, segmentation.evidence
         measuring = share.part(SEGMENTING_SHARE, 1.0, "Measuring the objects")
-        given = np.asarray(labels)
+        given = unmasked(labels, 0)
         # A brush may write into a layer's own array while its objects are measured.
         ids = given.copy() if found is None and isinstance(labels, np.ndarray) else given
         if not ids.any():

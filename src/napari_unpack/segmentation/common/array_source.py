@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from napari_unpack.geometry.boxes import Box as Box
+from napari_unpack.geometry.masks import unmasked
 from napari_unpack.segmentation.common.validation import (
     block_dtype,
     checked_form,
@@ -76,9 +77,7 @@ def source_of(volume: ArrayLike | Any) -> Source:
         If it is not 3D, or empty.
     """
     if isinstance(volume, np.ma.MaskedArray):
-        # What is masked was not measured.
-        kept: Any = volume if volume.dtype.kind == "f" else volume.astype(np.float32)
-        volume = kept.filled(np.nan) if np.ma.is_masked(volume) else volume.data
+        volume = unmasked(volume, np.nan)
     lazy = all(hasattr(volume, name) for name in ("shape", "dtype", "__getitem__"))
     array: Any = volume if lazy else np.asarray(volume)
     shape = checked_form(tuple(int(n) for n in array.shape), np.dtype(array.dtype))

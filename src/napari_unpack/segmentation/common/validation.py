@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry import axes
+from napari_unpack.geometry.masks import unmasked
 
 Spacing = tuple[float, float, float]
 
@@ -303,7 +304,7 @@ def checked_labels(labels: ArrayLike, name: str) -> NDArray[np.integer]:
     ValueError
         If it is not 3D, is empty, or holds a negative label or one above int64.
     """
-    array = np.asarray(labels)
+    array = unmasked(labels, 0)
     if array.dtype.kind == "b":
         # A mask is one object; as integers of the same memory.
         array = array.view(np.uint8)
