@@ -602,6 +602,17 @@ def test_a_part_of_a_hidden_object_is_hidden_and_has_its_note() -> None:
     assert made.annotations.notes == {1: "wires"}
 
 
+def test_a_new_label_that_is_painted_over_a_hidden_object_is_seen() -> None:
+    made = session()
+    made.hide([2, 3])
+    painted = made.labels.copy()
+    painted[4:6, 16:22, 4:10] = 7
+    made.label_editor.apply(made.label_editor.paint_task(painted).run(no_progress))
+    assert (made.labels == 7).sum() == 72
+    assert made.states[7] is ObjectState.PACKED
+    assert made.states[2] is made.states[3] is ObjectState.HIDDEN
+
+
 def test_a_label_that_is_used_anew_has_nothing_of_the_deleted_object() -> None:
     made = session()
     made.set_style(2, ObjectStyle(TransferFunction([(0, 0), (900, 0.5)]), None))

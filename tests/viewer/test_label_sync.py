@@ -318,3 +318,27 @@ def test_a_stroke_on_the_time_series_of_a_followed_time_point_is_an_edit_at_once
     assert np.array_equal(series.data[1], first)
     assert series.data[0, 36, 36, 62] == SLAB
     assert brush.told == []
+
+
+def test_sessions_of_one_array_in_two_layers_change_nothing_of_each_other() -> None:
+    given = bells()[1].astype(np.int32)
+    first, second = Brush(given), Brush(given)
+    assert first.told == []
+    (said,) = second.told
+    assert "found is also that of labels that are open in another window" in said
+    for brush in (first, second):
+        brush.run()
+    first.session.merge([BELL, CUBE])
+    second.layer.paint((36, 36, 60), SLAB)
+    for brush in (second, first):
+        brush.run()
+    assert second.session.ids == (BELL, CUBE, SLAB)
+    assert second.session.labels[36, 36, 60] == SLAB
+    assert first.session.labels[36, 36, 60] == 0
+    assert first.is_in_step()
+    assert second.is_in_step()
+    # Of a session that is closed nothing can be overwritten any more.
+    first.sync.close()
+    third = Brush(given)
+    assert third.layer.data is given
+    assert third.told == []

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from napari_unpack.session import ObjectState, Session
+from napari_unpack.session.measurements import SurfacePoint
 from napari_unpack.viewer.controller import SessionController
 from napari_unpack.viewer.overlays import (
     INTERLOCKED,
@@ -121,3 +122,31 @@ def test_outlines_go_with_the_picture_they_are_of(shown: Any, qtbot: Any) -> Non
     assert controller.settle(30)
     assert np.abs(canvas(viewer) - with_lines).max() < 12
     controller.close()
+
+
+def test_in_napari_s_grid_measurements_are_drawn_in_the_view_of_their_layer(
+    staged: Any, session: Session
+) -> None:
+    viewer, controller = staged
+    controller.recolor_at_rest = False
+    viewer.scene.camera.zoom *= 0.4
+    ends = np.array([[4.0, 6.0, 24.0], [4.0, 21.0, 37.0]]) * session.spacing
+    session.measurements.add([SurfacePoint(2, tuple(end)) for end in ends.tolist()])
+
+    def drawn() -> np.ndarray:
+        pictures = []
+        for shown in (True, False):
+            session.measurements.shown = shown
+            assert controller.settle(60)
+            pictures.append(canvas(viewer))
+        rows, cols = np.nonzero((pictures[0] != pictures[1]).any(axis=2))
+        return np.array([[rows.min(), rows.max()], [cols.min(), cols.max()]])
+
+    whole = drawn()
+    viewer.canvas.grid.enabled = True
+    part = drawn()
+    # Line and number are as large as without a grid, at the right of the first of two rows.
+    assert np.abs(np.diff(part) - np.diff(whole)).max() <= 2
+    height, width = canvas(viewer).shape[:2]
+    assert part[0, 1] < height / 2
+    assert part[1, 0] > width / 2

@@ -30,8 +30,9 @@ if TYPE_CHECKING:
 # Name of the background that is napari's own canvas colour.
 OWN = "napari"
 
-# Behind all, so that no depth of the scene hides what stands before it.
-FARTHEST = ScreenPlace(ndc_depth=1.0)
+# Behind all, so that no depth of the scene hides what stands before it; in napari's grid it is
+# behind the views of all layers.
+FARTHEST = ScreenPlace(ndc_depth=1.0, in_view=False)
 
 
 @dataclass(eq=False)

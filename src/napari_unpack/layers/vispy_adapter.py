@@ -59,8 +59,11 @@ class QuadsAdapter(PictureAdapter):
         # Assigning asks for another draw; this one shows them already.
         with visual.events.update.blocker():
             visual.quads = quads
+            # Upon a slice pixels are those of the canvas.
+            visual.clip_from_view = np.eye(4)
             if frame is not None:
                 visual.clip_from_pivot = frame.clip_from_pivot
+                visual.clip_from_view = self._clip_from_view()
 
     def _frame(self) -> Frame | None:
         view = self._view() if self.in_3d else None
@@ -83,6 +86,15 @@ class QuadsAdapter(PictureAdapter):
         size = max(1, round(view.size[1] * scale)), max(1, round(view.size[0] * scale))
         corner = float(view.pos[1]) * scale, float(view.pos[0]) * scale
         return Frame(camera, size, clip_from_pivot(whole @ scene_from_world, camera), corner)
+
+    def _clip_from_view(self) -> Matrix:
+        """Return the map from the clip space of the view to the canvas's, which a grid divides."""
+        view = self._view()
+        if view is None:
+            return np.eye(4)
+        whole = matrix_of(view.get_transform("visual", "render"))
+        found: Matrix = whole @ np.linalg.inv(_ndc_from_pixels(view.size))
+        return found
 
     def _slice_quads(self) -> Sequence[Quad]:
         if len(self.displayed) != 2:

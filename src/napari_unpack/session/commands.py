@@ -417,7 +417,7 @@ def edit_labels(
     edit: Edit,
     known: frozenset[int],
     new_hues: Mapping[int, float],
-    taken_whole: frozenset[int],
+    taken_whole: frozenset[int] | None,
     owner: Callable[[SurfacePoint], int],
 ) -> SessionState:
     """Follow an edit of the labels.
@@ -431,9 +431,9 @@ def edit_labels(
         The objects there are then.
     new_hues : mapping of int to float
         Of those that were not there before.
-    taken_whole : frozenset of int
+    taken_whole : frozenset of int, optional
         Objects that are gone at once: what was said of each goes to the one that took most of it.
-        Not those that a brush covered, of which little may have been left.
+        None for a brush: of what it covered little may have been left, and what it made is seen.
     owner : callable
         Given a point, tells which object has the voxel that it is on now.
     """
@@ -442,10 +442,12 @@ def edit_labels(
     noted = {i: state.notes[o] for i, o in origins.items() if o in state.notes}
     back = edit.change.reverse()
     said = state.names.keys() | state.colors.keys() | state.notes.keys() | state.flags.keys()
-    heirs = {i: heir for i in sorted(said & taken_whole) if (heir := origin_of(back, i))}
+    heirs = {i: heir for i in sorted(said & (taken_whole or set())) if (heir := origin_of(back, i))}
     # What is cleared goes to nobody: that was said of one object, and not of all it became part of.
     sources = (*origins.items(), *((heir, gone) for gone, heir in heirs.items()))
     suspected = {i: state.flags[o] for i, o in sources if state.flags.get(o) == "suspicious"}
+    # What a hand has just painted would else be gone at once.
+    parted = origins if taken_whole is not None else {}
     return replace(
         _left(state, edit.change.touched),
         hues=_of_known(state.hues, known) | dict(new_hues),
@@ -455,7 +457,7 @@ def edit_labels(
         notes=_joined(state.notes, heirs, known) | noted,
         flags=_of_known(state.flags, known) | suspected,
         styles=_of_known(state.styles, known),
-        hidden=(state.hidden & known) | {i for i, o in origins.items() if o in state.hidden},
+        hidden=(state.hidden & known) | {i for i, o in parted.items() if o in state.hidden},
         examples=state.examples & known,
         # Other objects may block each other now.
         queue=Queue(),

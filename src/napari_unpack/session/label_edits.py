@@ -371,7 +371,7 @@ class LabelEditor:
         owner = partial(
             owner_after, before=now.labels, after=data.labels, spacing=self._session.spacing
         )
-        whole = frozenset() if edited.painted else now.known - known
+        whole = None if edited.painted else now.known - known
         new = commands.edit_labels(state, edit, known, fresh, whole, owner)
         new = new if answers is None else replace(new, answers=answers)
         self._session.commit(edited.verb, new, data=data)

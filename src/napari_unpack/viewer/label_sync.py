@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
+from weakref import WeakSet
 
 import numpy as np
 from napari.layers import Labels, Layer
@@ -25,6 +26,9 @@ T = TypeVar("T")
 
 # After the last stroke of a brush: a hand draws the next one within it.
 QUIET_MS = 300
+
+_open: WeakSet[LabelSync] = WeakSet()
+"""All that follow layers now, of every viewer of the process."""
 
 
 class LabelSync:
@@ -56,7 +60,9 @@ class LabelSync:
     is of the whole layer, and would meet it again. Layers that read their voxels when they are
     looked at (dask, zarr, several resolutions), and arrays of another shape, are not followed,
     which is said at the first stroke: every comparison would read all of them. A time series of
-    which a followed layer is one time point, in the same memory, is followed with it.
+    which a followed layer is one time point, in the same memory, is followed with it. A layer whose
+    array another session follows in another layer is given a copy, which is said: either session
+    would write into the other's labels, which would take it for strokes.
     """
 
     def __init__(
@@ -79,6 +85,9 @@ class LabelSync:
         self._session, self._scheduler, self._refusal = session, scheduler, refusal
         self._run, self._message, self._recoloring = run, message, recoloring
         self._layers = [x for x in sources if isinstance(x, Labels)]
+        for layer in filter(self._fits, self._layers):
+            self._part(layer)
+        _open.add(self)
         session.own_labels([layer.data for layer in self._layers if _is_array(layer)])
         self._seen, self._boxes = session.labels, session.boxes
         self._writing = False
@@ -103,12 +112,25 @@ class LabelSync:
 
     def close(self) -> None:
         """Follow and show nothing more."""
+        _open.discard(self)
         self._scheduler.forget(self._compare)
         self._scheduler.cancel(self)
         self._session.events.labels.disconnect(self._show, missing_ok=True)
         for event in _edits(self._layers):
             event.disconnect(self._on_painted)
         self._layers = []
+
+    def _part(self, layer: Labels) -> None:
+        """Give a layer an array of its own, where another session follows it in another layer."""
+        others = [x for sync in _open for x in sync._layers if sync._fits(x)]
+        # One layer in two viewers is one for both: each takes over what the other changes.
+        if layer not in others and any(_share_memory(layer, x) for x in others):
+            layer.data = layer.data.copy()
+            self._message(
+                f"The array of {layer.name} is also that of labels that are open in another "
+                "window. Here it is a copy from now on, so that repairs in one change nothing in "
+                "the other."
+            )
 
     def _on_painted(self, event: Any) -> None:
         layer = event.source

@@ -141,7 +141,7 @@ Frame = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class ScreenPlace:
-    """A rectangle in normalised device coordinates; by default the whole viewport.
+    """A rectangle in normalised device coordinates; by default the whole view.
 
     Parameters
     ----------
@@ -151,6 +151,8 @@ class ScreenPlace:
         Depth of what has none of its own, mm from the pivot plane away from the viewer.
     ndc_depth : float, optional
         Put the whole quad at this depth instead, -1 nearest, 1 farthest (a background).
+    in_view : bool
+        Whether they are those of the view, which may be a part of the canvas; else the canvas's.
     """
 
     left: float = -1.0
@@ -159,6 +161,7 @@ class ScreenPlace:
     bottom: float = -1.0
     t: float = 0.0
     ndc_depth: float | None = None
+    in_view: bool = True
 
     @classmethod
     def of_pixels(
@@ -322,6 +325,8 @@ class QuadsVisual(Visual):  # type: ignore[misc]
     clip_from_pivot : (4, 4) ndarray of float64
         From pivot space (towards, down, right, 1) in mm to clip space, column vectors; see
         `clip_from_pivot`. Places sprites and turns t into depths.
+    clip_from_view : (4, 4) ndarray of float64
+        From the clip space of the view to that of the canvas it is a part of, column vectors.
     before_draw : callable, optional
         Called with this visual at the start of every draw, while vispy's transforms and the
         current GL context are those of the drawing canvas: the moment to set
@@ -348,6 +353,7 @@ class QuadsVisual(Visual):  # type: ignore[misc]
         self.unfreeze()
         self._quads: tuple[Quad, ...] = tuple(quads)
         self.clip_from_pivot: Matrix = np.diag([1.0, 1.0, 1.0, 1.0])[[2, 1, 0, 3]]
+        self.clip_from_view: Matrix = np.eye(4)
         self.before_draw: Callable[[QuadsVisual], None] | None = None
         self.refused: Callable[[str], None] | None = None
         self._broken = False
@@ -442,6 +448,8 @@ class QuadsVisual(Visual):  # type: ignore[misc]
         earlier = None if quad.before is None else quad.before.textures()
         before = color if earlier is None else earlier[0]
         origin, right, down = quad.place.frame(self.clip_from_pivot)
+        if isinstance(quad.place, ScreenPlace) and quad.place.in_view:
+            origin, right, down = (self.clip_from_view @ each for each in (origin, right, down))
         values: dict[str, Any] = {
             "u_image": color,
             "u_before": before,
