@@ -106,8 +106,7 @@ def keys() -> str:
         "# Keys and mouse",
         "",
         "The keys act while a session is open and the keyboard is in the 3D view or on a button "
-        "of the panel. In the table of objects letters and digits go to the name that begins so. "
-        "The panel lists the keys too, under *Keys and mouse*.",
+        "of the panel. The panel lists them too, under *Keys and mouse*.",
         "",
     ]
     for title, rows in (("Key", KEYS), ("Mouse", MOUSE)):

@@ -122,13 +122,13 @@ def test_a_bag_is_unpacked_inspected_noted_and_repaired_by_keys(
     # Selected in the table, inspected, turned in the picture, and back.
     keys.to("Objects")
     pick(keys, session, one)
-    keys.press(KEY.Key_F6)
-    assert QApplication.focusWidget() is compat.native_canvas(viewer).native
-    assert panel.ring.isVisible()
     keys.press("i")
     rest(panel, qtbot)
     assert states(session)[one] == "INSPECTED"
     before = controller.rotation_of(one).copy()
+    keys.press(KEY.Key_F6)
+    assert QApplication.focusWidget() is compat.native_canvas(viewer).native
+    assert panel.ring.isVisible()
     keys.press(KEY.Key_Left, SHIFT)
     rest(panel, qtbot)
     assert not np.allclose(controller.rotation_of(one), before)
@@ -178,8 +178,7 @@ def test_a_bag_is_unpacked_inspected_noted_and_repaired_by_keys(
     # What blocks a buried object is told, and let be.
     buried = next(i for i in session.ids if i not in session.unpackable() and i != one)
     pick(keys, session, buried)
-    menu_from_keys(wide)
-    keys.choose("Reveal…")
+    keys.press("r")
     qtbot.waitUntil(panel.unpack.reveal_box.isVisible, timeout=20000)
     keys.press(KEY.Key_Escape)
     qtbot.waitUntil(lambda: not panel.unpack.reveal_box.isVisible(), timeout=5000)

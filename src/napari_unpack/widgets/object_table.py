@@ -84,13 +84,6 @@ WIDEST = {
     Column.BLOCKERS: "Objects 10, 11, 12 and 9 others",
 }
 
-# With them a letter is a command, and nothing that is typed.
-COMMANDING = (
-    Qt.KeyboardModifier.ControlModifier
-    | Qt.KeyboardModifier.AltModifier
-    | Qt.KeyboardModifier.MetaModifier
-)
-
 # Said where a search or a choice lists no object.
 NO_MATCH = "No object matches."
 
@@ -507,24 +500,18 @@ class ObjectTable(QTableView):
         return self.rows.filterAcceptsRow(source.row(), source.parent())
 
     def keyboardSearch(self, text: str) -> None:
-        """Go to the next object whose name begins with what is typed, from any column."""
-        if self.currentIndex().column() != Column.NAME:
-            stay = QItemSelectionModel.SelectionFlag.NoUpdate
-            first = self.rows.index(max(self.currentIndex().row(), 0), Column.NAME)
-            self.selectionModel().setCurrentIndex(first, stay)
-        super().keyboardSearch(text)
+        """Ignore letters: N, B, I, H and C are commands of the viewer."""
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Seek by letters, select all by Ctrl+A, click a drawn cell by Space; pass on commands."""
+        """Select all by Ctrl+A, click a drawn cell by Space; pass letters on to the viewer."""
         current = self.currentIndex()
         if event.key() == Qt.Key.Key_Space and current.column() in self._clicked:
             self._clicked[Column(current.column())].emit(int(current.data(ID)))
             return
         everything = event.matches(QKeySequence.StandardKey.SelectAll)
         editing = self.state() == QAbstractItemView.State.EditingState
-        typed = event.text().isprintable() and not event.modifiers() & COMMANDING
-        if event.text().strip() and not typed and not everything and not editing:
-            # Undo, Delete, Escape: napari gets the event next, and its keymap has the commands.
+        if event.text().strip() and not everything and not editing:
+            # napari gets the event next, and its keymap has the commands.
             event.ignore()
             return
         super().keyPressEvent(event)
