@@ -56,7 +56,8 @@ class LabelSync:
     is of the whole layer, and would meet it again. Layers that read their voxels when they are
     looked at (dask, zarr, several resolutions), and arrays of another shape, are not followed,
     which is said at the first stroke: every comparison would read all of them. A time series of
-    which a followed layer is one time point, in the same memory, is followed with it.
+    which a followed layer is one time point, in the same memory, is followed with it. Where a
+    layer is in two viewers, what the session of one writes is a stroke for that of the other.
     """
 
     def __init__(
@@ -241,6 +242,8 @@ class LabelSync:
                 if dtype != layer.data.dtype or not layer.data.flags.writeable:
                     layer.data = layer.data.astype(dtype)
                 layer.data[box][where] = wanted
+                # A hidden layer tells of no refresh, and another viewer may have a session of it.
+                layer.events.data(value=layer.data)
             # Those too that show the same memory.
             for layer in self._layers:
                 if self._followed(layer) is not None:
