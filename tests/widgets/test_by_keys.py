@@ -104,6 +104,32 @@ def closed(story: Any, viewer: Any) -> Any:
     compat.call_off_exit(window)
 
 
+def test_panes_are_gone_through_where_the_panel_floats(
+    story: Any, viewer: Any, qtbot: QtBot
+) -> None:
+    keys, panel = story
+    window, dock = panel.window(), panel.parentWidget()
+    canvas = compat.native_canvas(viewer).native
+    last = QApplication.focusWidget()
+    dock.setFloating(True)
+    try:
+        qtbot.waitUntil(lambda: panel.window() is dock, timeout=5000)
+        # As a click on it does.
+        dock.activateWindow()
+        QApplication.setActiveWindow(dock)
+        last.setFocus()
+        qtbot.waitUntil(last.hasFocus, timeout=5000)
+        for _ in range(2):
+            keys.press(KEY.Key_F6)
+            qtbot.waitUntil(canvas.hasFocus, timeout=5000)
+            assert window.isActiveWindow()
+            keys.press(KEY.Key_F6, SHIFT)
+            qtbot.waitUntil(last.hasFocus, timeout=5000)
+            assert dock.isActiveWindow()
+    finally:
+        dock.setFloating(False)
+
+
 def test_a_bag_is_unpacked_inspected_noted_and_repaired_by_keys(
     story: Any, viewer: Any, qtbot: QtBot
 ) -> None:

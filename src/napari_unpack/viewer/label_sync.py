@@ -102,6 +102,11 @@ class LabelSync:
         """Whether a stroke has not been compared yet."""
         return self._scheduler.pending(self._compare)
 
+    @property
+    def followed(self) -> tuple[Labels, ...]:
+        """The layers on which a stroke of a brush is an edit."""
+        return tuple(layer for layer in self._layers if self._followed(layer) is not None)
+
     def close(self) -> None:
         """Follow and show nothing more."""
         self._scheduler.forget(self._compare)
