@@ -284,7 +284,8 @@ class Framing:
         if self._viewer.dims.ndisplay != 3:
             return
         if self._late and self._set is not None:
-            self._size = _pixels(self._viewer)
+            # Of slices: sliders beneath them leave the canvas less room.
+            self._session.canvas_size = self._size = _pixels(self._viewer)
             self._look(self._set)
         if self._side is not None:
             side, self._side = self._side, None
