@@ -114,18 +114,19 @@ def test_panes_are_gone_through_where_the_panel_floats(
     dock.setFloating(True)
     try:
         qtbot.waitUntil(lambda: panel.window() is dock, timeout=5000)
-        # As a click on it does.
-        dock.activateWindow()
-        QApplication.setActiveWindow(dock)
+        # What a click on it does, and after each key what a window manager does.
         last.setFocus()
+        QApplication.setActiveWindow(dock)
         qtbot.waitUntil(last.hasFocus, timeout=5000)
         for _ in range(2):
             keys.press(KEY.Key_F6)
+            assert window.focusWidget() is canvas
+            QApplication.setActiveWindow(window)
             qtbot.waitUntil(canvas.hasFocus, timeout=5000)
-            assert window.isActiveWindow()
             keys.press(KEY.Key_F6, SHIFT)
+            assert dock.focusWidget() is last
+            QApplication.setActiveWindow(dock)
             qtbot.waitUntil(last.hasFocus, timeout=5000)
-            assert dock.isActiveWindow()
     finally:
         dock.setFloating(False)
 
