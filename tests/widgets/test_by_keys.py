@@ -119,10 +119,12 @@ def test_panes_are_gone_through_where_the_panel_floats(
         QApplication.setActiveWindow(dock)
         qtbot.waitUntil(last.hasFocus, timeout=5000)
         for _ in range(2):
+            canvas.clearFocus()
             keys.press(KEY.Key_F6)
             assert window.focusWidget() is canvas
             QApplication.setActiveWindow(window)
             qtbot.waitUntil(canvas.hasFocus, timeout=5000)
+            last.clearFocus()
             keys.press(KEY.Key_F6, SHIFT)
             assert dock.focusWidget() is last
             QApplication.setActiveWindow(dock)
