@@ -100,13 +100,15 @@ def command_line() -> str:
 
 def keys() -> str:
     """Return the keys and what the mouse does, as the panel's help says it."""
-    from napari_unpack.widgets.shortcuts import KEYS, MOUSE
+    from napari_unpack.widgets.shortcuts import IN_SLICES, KEYS, MOUSE
 
     lines = [
         "# Keys and mouse",
         "",
         "The keys act while a session is open and the keyboard is in the 3D view or on a button "
         "of the panel. The panel lists them too, under *Keys and mouse*.",
+        "",
+        IN_SLICES,
         "",
     ]
     for title, rows in (("Key", KEYS), ("Mouse", MOUSE)):

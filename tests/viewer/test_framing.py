@@ -305,6 +305,35 @@ def test_commands_leave_slices_in_place_and_what_they_ask_for_is_seen_after(
     assert window.outside() == []
 
 
+def test_what_is_done_to_slices_leaves_the_view_of_the_bag_as_it_was(window: Window) -> None:
+    viewer, framing = window.viewer, window.controller.framing
+    dims, camera = viewer.dims, viewer.scene.camera
+
+    def look_at_slices() -> None:
+        before = window.view()
+        dims.ndisplay = 2
+        window.rest()
+        window.wheel(3)
+        camera.center = (0, 5, 9)
+        dims.order = (1, 0, 2)
+        dims.order = (0, 1, 2)
+        viewer.fit_to_view()
+        window.wheel(4)
+        dims.ndisplay = 3
+        window.rest()
+        assert window.view() == pytest.approx(before)
+
+    window.unpack(2)
+    look_at_slices()
+    assert framing.is_fit
+    window.unpack(3)
+    assert window.outside() == []
+    # As near as a person has zoomed it stays as well.
+    window.wheel(2)
+    look_at_slices()
+    assert not framing.is_fit
+
+
 @pytest.fixture
 def measured(make_napari_viewer_proxy: Any, bag: Any, qtbot: Any) -> Any:
     """Return a window with the phantom on a layer in millimetres."""

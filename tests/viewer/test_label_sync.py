@@ -23,12 +23,18 @@ class Brush:
     """A session, and a layer of its labels that is followed; tasks wait until they are run."""
 
     def __init__(
-        self, painted: Any = None, *, factor: int = 1, others: Sequence[Labels] = ()
+        self,
+        painted: Any = None,
+        *,
+        factor: int = 1,
+        others: Sequence[Labels] = (),
+        layer: Labels | None = None,
     ) -> None:
         volume, labels = bells()
         given = labels.astype(np.int32) * factor
         self.session = Session(volume, given)
-        self.layer = Labels(given.copy() if painted is None else painted, name="found")
+        shown = given.copy() if painted is None else painted
+        self.layer = Labels(shown, name="found") if layer is None else layer
         self.layer.n_edit_dimensions = 3
         self.told: list[str] = []
         self.asked: list[tuple[Any, ...]] = []
@@ -219,6 +225,32 @@ def test_a_layer_of_two_viewers_gets_its_own_colormap_back(first: int) -> None:
     assert brush.layer.colormap is not own
     both[0].close()
     assert brush.layer.colormap is own
+
+
+def test_a_repair_in_one_viewer_reaches_the_session_of_another_that_has_the_layer_too() -> None:
+    first = Brush()
+    second = Brush(layer=first.layer)
+    # As both 3D views have it.
+    first.layer.visible = False
+    first.run()
+    second.run()
+    first.session.merge([CUBE, SLAB])
+    second.run()
+    assert np.array_equal(second.session.labels, first.session.labels)
+    first.layer.paint((36, 2, 2), BELL)
+    second.run()
+    first.run()
+    assert len(first.session.ids) == 2
+    assert first.session.labels[36, 2, 2] == BELL
+    assert first.is_in_step()
+    assert second.is_in_step()
+    first.session.undo()
+    first.session.undo()
+    second.run()
+    first.run()
+    assert len(second.session.ids) == 3
+    assert first.is_in_step()
+    assert second.is_in_step()
 
 
 def test_labels_that_take_the_place_of_the_followed_are_told_once() -> None:

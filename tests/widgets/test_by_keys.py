@@ -104,6 +104,35 @@ def closed(story: Any, viewer: Any) -> Any:
     compat.call_off_exit(window)
 
 
+def test_panes_are_gone_through_where_the_panel_floats(
+    story: Any, viewer: Any, qtbot: QtBot
+) -> None:
+    keys, panel = story
+    window, dock = panel.window(), panel.parentWidget()
+    canvas = compat.native_canvas(viewer).native
+    last = QApplication.focusWidget()
+    dock.setFloating(True)
+    try:
+        qtbot.waitUntil(lambda: panel.window() is dock, timeout=5000)
+        # What a click on it does, and after each key what a window manager does.
+        last.setFocus()
+        QApplication.setActiveWindow(dock)
+        qtbot.waitUntil(last.hasFocus, timeout=5000)
+        for _ in range(2):
+            canvas.clearFocus()
+            keys.press(KEY.Key_F6)
+            assert window.focusWidget() is canvas
+            QApplication.setActiveWindow(window)
+            qtbot.waitUntil(canvas.hasFocus, timeout=5000)
+            last.clearFocus()
+            keys.press(KEY.Key_F6, SHIFT)
+            assert dock.focusWidget() is last
+            QApplication.setActiveWindow(dock)
+            qtbot.waitUntil(last.hasFocus, timeout=5000)
+    finally:
+        dock.setFloating(False)
+
+
 def test_a_bag_is_unpacked_inspected_noted_and_repaired_by_keys(
     story: Any, viewer: Any, qtbot: QtBot
 ) -> None:

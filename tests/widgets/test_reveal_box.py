@@ -151,6 +151,19 @@ def test_an_arrow_drawn_in_the_picture_is_the_direction(
     assert session.unpack_direction @ -session.camera.direction > 0.2
 
 
+def test_an_arrow_is_called_off_where_slices_are_shown(panel: UnpackingWidget) -> None:
+    controller, draw = panel.workspace.controller, panel.unpack.draw
+    draw.setChecked(True)
+    controller.viewer.dims.ndisplay = 2
+    assert not controller.interaction.pencil.drawing
+    assert not draw.isChecked()
+    # From slices it brings the 3D view.
+    draw.setChecked(True)
+    assert controller.viewer.dims.ndisplay == 3
+    assert controller.interaction.pencil.drawing
+    draw.setChecked(False)
+
+
 def test_where_nobody_is_free_the_panel_offers_the_direction_that_frees_most(
     panel: UnpackingWidget, qtbot: QtBot
 ) -> None:

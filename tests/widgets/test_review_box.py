@@ -10,6 +10,7 @@ import pytest
 from napari.utils.notifications import notification_manager
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import Qt
+from qtpy.QtWidgets import QScrollArea
 
 from napari_unpack.io.session_json import state_record
 from napari_unpack.layers import compat
@@ -153,6 +154,23 @@ def test_a_key_answers_no_question_that_is_folded_away(
     qtbot.waitUntil(lambda: len(session.review.answers) == 1, timeout=20000)
 
 
+def test_a_key_brings_a_question_into_sight_before_it_answers(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot
+) -> None:
+    panel.objects.review.toggle.setChecked(True)
+    box = asked(panel, qtbot, 0)
+    qtbot.wait(400)
+    canvas = compat.native_canvas(viewer).native
+    panel.findChild(QScrollArea).verticalScrollBar().setValue(0)
+    assert box.sentence.visibleRegion().isEmpty()
+    qtbot.keyClick(canvas, Qt.Key.Key_K)
+    assert not panel.objects.repair.running
+    assert session.review.answers == ()
+    assert not box.sentence.visibleRegion().isEmpty()
+    qtbot.keyClick(canvas, Qt.Key.Key_K)
+    qtbot.waitUntil(lambda: len(session.review.answers) == 1, timeout=20000)
+
+
 def test_doubts_about_the_bag_before_are_none_of_the_one_shown(
     panel: UnpackingWidget, session: Any, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -250,6 +268,8 @@ def test_labels_of_ones_own_have_no_questions_and_keys_then_do_nothing(
     box = panel.objects.review
     box.toggle.setChecked(True)
     assert "only objects that Segment has found" in box.sentence.text()
+    # Nor is room left for a picture.
+    assert box.picture.isHidden()
     assert not any(b.isEnabled() for b in (*box.answers.values(), box.save))
     for key in (Qt.Key.Key_S, Qt.Key.Key_D, Qt.Key.Key_X, Qt.Key.Key_K):
         qtbot.keyClick(compat.native_canvas(viewer).native, key)

@@ -8,6 +8,7 @@ import pytest
 from pytestqt.qtbot import QtBot
 from qtpy.QtCore import Qt
 
+from keys import Keys
 from napari_unpack.layers import compat
 from opened_panel import SMALL, add_bag, controller_with, open_panel, states
 
@@ -128,6 +129,69 @@ def test_the_users_labels_layer_keeps_its_own_keys(desk: Desk) -> None:
     desk.press(Qt.Key.Key_Z, CONTROL | SHIFT)
     assert labels.data[0, 0, 0] == 3
     assert states(session) == before
+
+
+def test_undo_in_slices_takes_back_the_last_step_and_not_the_last_stroke(desk: Desk) -> None:
+    labels, session = compat.unwrap(desk.labels), desk.session
+    desk.viewer.dims.ndisplay = 2
+    desk.activate(labels)
+    free = tuple(np.argwhere(session.labels == 0)[0])
+    at = tuple(np.array([n]) for n in free)
+    labels.data_setitem(at, 2)
+    desk.qtbot.waitUntil(lambda: session.labels[free] == 2, timeout=20000)
+    session.merge([1, 2])
+    desk.press(Qt.Key.Key_Z, CONTROL)
+    assert session.ids == (1, 2, 3, 4, 5, 6)
+    assert labels.data[free] == 2
+    desk.press(Qt.Key.Key_Z, CONTROL)
+    assert session.labels[free] == labels.data[free] == 0
+    desk.press(Qt.Key.Key_Z, CONTROL | SHIFT)
+    assert session.labels[free] == labels.data[free] == 2
+    session.select([3])
+    desk.press(Qt.Key.Key_Escape)
+    assert not session.selected
+
+
+def test_escape_leaves_a_drawn_polygon_first(desk: Desk) -> None:
+    labels, session = compat.unwrap(desk.labels), desk.session
+    desk.viewer.dims.ndisplay = 2
+    desk.activate(labels)
+    labels.visible = True
+    session.select([3])
+    labels.mode = "polygon"
+    desk.press(Qt.Key.Key_Escape)
+    assert session.selected == {3}
+    labels.mode = "pan_zoom"
+    desk.panel.measure.measure(2)
+    desk.press(Qt.Key.Key_Escape)
+    assert desk.controller.interaction.tool is None
+    assert session.selected == {3}
+
+
+def test_in_slices_the_panels_keys_go_first_while_it_has_the_keyboard(desk: Desk) -> None:
+    labels = compat.unwrap(desk.labels)
+    button, canvas = desk.panel.unpack.next, compat.native_canvas(desk.viewer).native
+    desk.press(Qt.Key.Key_N)
+    desk.rest()
+    desk.viewer.dims.ndisplay = 2
+    desk.activate(labels)
+    labels.visible = True
+    Keys(desk.panel.window(), desk.qtbot)
+    before = labels.selected_label, labels.preserve_labels, labels.mode
+    button.setFocus()
+    desk.qtbot.keyClick(button, Qt.Key.Key_M)
+    assert desk.controller.interaction.tool is not None
+    desk.qtbot.keyClick(button, Qt.Key.Key_Escape)
+    assert desk.controller.interaction.tool is None
+    desk.qtbot.keyClick(button, Qt.Key.Key_B)
+    desk.qtbot.waitUntil(lambda: desk.count("PACKED") == 6, timeout=20000)
+    assert (labels.selected_label, labels.preserve_labels, labels.mode) == before
+    # The brush's tools are chosen from there too.
+    desk.qtbot.keyClick(button, Qt.Key.Key_2)
+    assert labels.mode == "paint"
+    canvas.setFocus()
+    desk.press(Qt.Key.Key_B)
+    assert labels.preserve_labels is not before[1]
 
 
 def test_keys_go_back_when_the_panel_closes(desk: Desk) -> None:

@@ -469,6 +469,38 @@ def test_docks_below_leave_the_window_no_taller_than_a_laptops_screen(
 
 
 @pytest.mark.parametrize("slices_first", [True, False])
+def test_docks_that_have_no_room_beside_each_other_stand_in_one_place(
+    viewer: Any, panel: Any, piled: Any, qtbot: QtBot, slices_first: bool
+) -> None:
+    window = compat.native_window(viewer)
+    window.resize(1024, 768)
+    openers = [panel.objects.table_button, panel.slices]
+    first, second = openers[::-1] if slices_first else openers
+
+    def is_seen(opener: Any, other: Any) -> None:
+        qtbot.waitUntil(lambda: not opener.dock.visibleRegion().isEmpty(), timeout=5000)
+        qtbot.wait(200)
+        assert other.dock.visibleRegion().isEmpty()
+        assert [one.button.isChecked() for one in (opener, other)] == [True, False]
+        assert window.width() == 1024
+
+    # By itself each has its place below the picture.
+    press(qtbot, first.button)
+    qtbot.waitUntil(first.dock.isVisible, timeout=5000)
+    press(qtbot, second.button)
+    is_seen(second, first)
+    press(qtbot, first.button)
+    is_seen(first, second)
+    # The other takes its place again.
+    press(qtbot, first.button)
+    is_seen(second, first)
+    press(qtbot, second.button)
+    qtbot.waitUntil(lambda: not any(one.dock.isVisible() for one in openers), timeout=5000)
+    press(qtbot, first.button)
+    is_seen(first, second)
+
+
+@pytest.mark.parametrize("slices_first", [True, False])
 def test_the_window_has_its_corners_back_when_the_panel_is_closed(
     viewer: Any, panel: Any, piled: Any, qtbot: QtBot, slices_first: bool
 ) -> None:

@@ -90,6 +90,8 @@ class Framing:
         self._axes, self._units = layer.axis_order, units_of(viewer)
         # Whether slices are looked at, whose camera stays, and what was asked of it meanwhile.
         self._sliced = self._late = False
+        # napari's camera as it was in 3D: it has one for slices too, and fits it to other axes.
+        self._solid: SavedView | None = None
         self._side: NDArray[np.float64] | None = None
         self._before: _Before | None = None
         # By the session's clock: a film that steps it glides along.
@@ -282,7 +284,8 @@ class Framing:
         if self._viewer.dims.ndisplay != 3:
             return
         if self._late and self._set is not None:
-            self._size = _pixels(self._viewer)
+            # Of slices: sliders beneath them leave the canvas less room.
+            self._session.canvas_size = self._size = _pixels(self._viewer)
             self._look(self._set)
         if self._side is not None:
             side, self._side = self._side, None
@@ -307,13 +310,18 @@ class Framing:
 
     def _follow_dims(self, _event: Any = None) -> None:
         self._follow_units()
+        camera = self._viewer.scene.camera
         was_sliced, self._sliced = self._sliced, self._viewer.dims.ndisplay != 3
+        if self._sliced and not was_sliced:
+            self._solid = SavedView.of(camera)
         if self._follow_axes() or self._sliced or not was_sliced:
             return
+        solid, self._solid = self._solid or SavedView.of(camera), None
         # napari looks at the slice: from another side the bag would stand beside the middle.
-        scene, camera = scene_from_world(self._layer, self._units), self._viewer.scene.camera
+        scene = scene_from_world(self._layer, self._units)
         depth = transform_points(scene, self._session.camera.center)[0]
-        camera.center = (float(depth), *camera.center[-2:])
+        camera.center = (float(depth), *solid.center[-2:])
+        camera.zoom = solid.zoom
         self.follow()
 
     def _follow_units(self) -> None:
@@ -326,6 +334,8 @@ class Framing:
         compat.draw_in_units(self._viewer, self._layer, units)
         # napari's camera keeps its numbers, which mean another place and size from here on.
         SavedView.of(camera).moved(moved).give_back(camera)
+        if self._solid is not None:
+            self._solid = self._solid.moved(moved)
         if self._before is not None and self._before.view is not None:
             self._before = replace(self._before, view=self._before.view.moved(moved))
 

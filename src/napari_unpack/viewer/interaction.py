@@ -83,11 +83,13 @@ class Interaction:
         clicks[at : at + 1] = [self._double_click]
         viewer.mouse_move_callbacks.append(self._move)
         viewer.mouse_drag_callbacks.append(self._drag)
+        viewer.dims.events.ndisplay.connect(self._follow_dims)
         self._put_status_back = show_status_as_written(viewer)
 
     def close(self) -> None:
         """Give the mouse back."""
         viewer = self._target.viewer
+        viewer.dims.events.ndisplay.disconnect(self._follow_dims)
         clicks = viewer.mouse_double_click_callbacks
         if self._double_click in clicks:
             at = clicks.index(self._double_click)
@@ -257,6 +259,11 @@ class Interaction:
 
     def _in_3d(self) -> bool:
         return self._target.viewer.dims.ndisplay == 3
+
+    def _follow_dims(self, _event: object = None) -> None:
+        # No arrow is drawn in slices, and its keys are theirs.
+        if self.pencil.drawing and not self._in_3d():
+            self.pencil.stop()
 
     def _move(self, _viewer: napari.Viewer, event: MouseEvent) -> None:
         if self._in_3d():

@@ -60,9 +60,9 @@ class LabelSync:
     is of the whole layer, and would meet it again. Layers that read their voxels when they are
     looked at (dask, zarr, several resolutions), and arrays of another shape, are not followed,
     which is said at the first stroke: every comparison would read all of them. A time series of
-    which a followed layer is one time point, in the same memory, is followed with it. A layer whose
-    array another session follows in another layer is given a copy, which is said: either session
-    would write into the other's labels, which would take it for strokes.
+    which a followed layer is one time point, in the same memory, is followed with it. Where a
+    layer is in two viewers, what the session of one writes is a stroke for that of the other. A
+    layer whose array another session follows in another layer is given a copy, which is said.
     """
 
     def __init__(
@@ -109,6 +109,11 @@ class LabelSync:
     def pending(self) -> bool:
         """Whether a stroke has not been compared yet."""
         return self._scheduler.pending(self._compare)
+
+    @property
+    def followed(self) -> tuple[Labels, ...]:
+        """The layers on which a stroke of a brush is an edit."""
+        return tuple(layer for layer in self._layers if self._followed(layer) is not None)
 
     def close(self) -> None:
         """Follow and show nothing more."""
@@ -263,6 +268,8 @@ class LabelSync:
                 if dtype != layer.data.dtype or not layer.data.flags.writeable:
                     layer.data = layer.data.astype(dtype)
                 layer.data[box][where] = wanted
+                # A hidden layer tells of no refresh, and another viewer may have a session of it.
+                layer.events.data(value=layer.data)
             # Those too that show the same memory.
             for layer in self._layers:
                 if self._followed(layer) is not None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.geometry.axes import triple
-from napari_unpack.session.measurements import SurfacePoint
+from napari_unpack.session.measurements import SurfacePoint, owner_after
 from napari_unpack.viewer.protocols import Pixel
 from napari_unpack.viewer.surface_points import label_at, surface_point
 
@@ -55,6 +55,8 @@ class RulerTool:
         self._controller, self.count = controller, count
         self._message, self._done = message, done
         self._points: list[SurfacePoint] = []
+        # Of the last click: a repair or undo may come before the next.
+        self._labels = controller.session.labels
         controller.interaction.tool = self
         message(ASKED[count][0])
 
@@ -78,12 +80,19 @@ class RulerTool:
             self._message("There is nothing there to measure: click on an object.")
         # The same place twice, a double click say, has no length.
         elif not self._points or point.at != self._points[-1].at:
-            self._points.append(point)
+            self._points = [*map(self._on_what_is_there, self._points), point]
+            self._labels = self._controller.session.labels
             self._controller.rulers.pending = tuple(self._points)
             if len(self._points) == self.count:
                 self._end(self._points)
             else:
                 self._message(ASKED[self.count][len(self._points)])
+
+    def _on_what_is_there(self, point: SurfacePoint) -> SurfacePoint:
+        """Return a point with the object that it is on now; of what was deleted, with none."""
+        session = self._controller.session
+        owner = owner_after(point, self._labels, session.labels, session.spacing)
+        return SurfacePoint(owner if owner in session.states else 0, point.at)
 
     def _end(self, points: list[SurfacePoint]) -> None:
         self._controller.interaction.tool = None

@@ -44,7 +44,7 @@ class SplitTool:
         done: Callable[[tuple[int, Voxel, Voxel] | None], None],
     ) -> None:
         self._controller, self._message, self._done = controller, message, done
-        self._first: tuple[int, Voxel] | None = None
+        self._clicked: Voxel | None = None
         controller.interaction.tool = self
         message("Click the object to split, on one of its parts. The larger part keeps its number.")
 
@@ -65,6 +65,14 @@ class SplitTool:
         else:
             self._take((label, _voxel(np.rint(voxel).astype(np.int64))))
 
+    @property
+    def _first(self) -> tuple[int, Voxel] | None:
+        """Whose the first click is: a repair or undo may have come since, that left none."""
+        session, voxel = self._controller.session, self._clicked
+        label = 0 if voxel is None else int(session.labels[voxel])
+        packed = session.states.get(label) is ObjectState.PACKED
+        return (label, voxel) if packed and voxel is not None else None
+
     def _end(self, found: tuple[int, Voxel, Voxel] | None) -> None:
         self._controller.interaction.tool = None
         self._message("")
@@ -75,25 +83,25 @@ class SplitTool:
         if found is None:
             self._message("There is no packed object there: click on one.")
             return
-        name = str(session.objects["name"][found[0]])
-        if self._first is None:
-            self._first = found
+        name, first = str(session.objects["name"][found[0]]), self._first
+        if first is None:
+            self._clicked = found[1]
             self._message(f"Now click the other part of {name}.")
-        elif found[0] != self._first[0]:
-            self._first = found
+        elif found[0] != first[0]:
+            self._clicked = found[1]
             self._message(f"That is another object; now click the other part of {name}.")
         # The same voxel twice, a double click say, tells no two parts apart.
-        elif found[1] != self._first[1]:
-            self._end((found[0], self._first[1], found[1]))
+        elif found[1] != first[1]:
+            self._end((found[0], first[1], found[1]))
 
     def _in_3d(self, pixel: NDArray[np.float64]) -> tuple[int, Voxel] | None:
         there = self._controller.interaction.packed_at(pixel)
         if not there:
             return None
         # The second click is meant for the object of the first, where that can be seen at all.
-        wanted = there[0]
-        if self._first is not None and self._first[0] in there:
-            wanted = self._first[0]
+        wanted, first = there[0], self._first
+        if first is not None and first[0] in there:
+            wanted = first[0]
         voxel = surface_voxel(self._controller, pixel, wanted)
         return None if voxel is None else (wanted, voxel)
 

@@ -9,7 +9,7 @@ from weakref import ref
 
 from qtpy.QtCore import QSignalBlocker, Qt, Signal
 from qtpy.QtGui import QHideEvent, QShowEvent
-from qtpy.QtWidgets import QMainWindow, QPushButton, QWidget
+from qtpy.QtWidgets import QDockWidget, QMainWindow, QPushButton, QWidget
 
 from napari_unpack.layers.compat import unwrap
 from napari_unpack.widgets.theme import palette_of, style_sheet
@@ -148,8 +148,14 @@ class DockButton(Generic[D]):
         # Closed by its own cross it has been taken out of its frame, which is gone.
         if wanted and self.dock.parentWidget() is None:
             self._add(self.dock)
+            added = self.dock.parentWidget()
+            if isinstance(added, QDockWidget):
+                # Behind another dock in one place it is hidden to a person, but not for Qt.
+                added.visibilityChanged.connect(self._follow)
         frame = self.dock.parentWidget()
         if frame is not None:
+            if wanted:
+                _stand_where_there_is_room(frame)
             frame.setVisible(wanted)
             if wanted:
                 frame.raise_()
@@ -158,6 +164,29 @@ class DockButton(Generic[D]):
                     self.dock.take_keyboard()
 
     def _follow(self, shown: bool) -> None:
-        """Show whether the dock is open, however it was opened or closed."""
-        with QSignalBlocker(self.button):
+        """Show whether the dock is to be seen, however it was opened, closed or covered."""
+        # A window that closes may take the button away first.
+        with suppress(RuntimeError), QSignalBlocker(self.button):
             self.button.setChecked(shown)
+
+
+def _stand_where_there_is_room(frame: QWidget) -> None:
+    """Put a dock below the picture over another of ours, where both would widen the window."""
+    window, below = frame.window(), Qt.DockWidgetArea.BottomDockWidgetArea
+    if not (isinstance(window, QMainWindow) and isinstance(frame, QDockWidget)):
+        return
+
+    def is_below(dock: object) -> bool:
+        return (
+            isinstance(dock, QDockWidget)
+            and not dock.isFloating()
+            and window.dockWidgetArea(dock) == below
+        )
+
+    others = [one.parentWidget() for one in window.findChildren(DockContents) if one.isVisible()]
+    beside = [one for one in others if one is not frame and is_below(one)]
+    middle = window.centralWidget()
+    if not beside or middle is None or not is_below(frame):
+        return
+    if sum(one.minimumSizeHint().width() for one in (frame, *beside)) >= middle.width():
+        window.tabifyDockWidget(beside[-1], frame)

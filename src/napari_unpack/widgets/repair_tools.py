@@ -16,6 +16,8 @@ from napari_unpack.widgets import notifications
 from napari_unpack.widgets.workspace import Workspace
 
 if TYPE_CHECKING:
+    from napari.layers import Labels
+
     from napari_unpack.segmentation.review.doubts import Doubt, Said
     from napari_unpack.session import Session
     from napari_unpack.session.label_edits import EditedLabels, LabelEditor
@@ -64,6 +66,16 @@ class RepairTools(QObject):
         return self._workspace.scheduler.has(SLOT) or (
             self._label_sync is not None and self._label_sync.pending
         )
+
+    @property
+    def painted(self) -> tuple[Labels, ...]:
+        """The user's layers on which a stroke of a brush is a repair."""
+        return () if self._label_sync is None else self._label_sync.followed
+
+    @property
+    def comparing(self) -> bool:
+        """Whether the session does not know yet what a brush has painted."""
+        return self.running and self._asked is None
 
     def split_by_clicks(self) -> None:
         """Wait for two clicks on one object; a second call stops waiting."""

@@ -17,7 +17,7 @@ from napari_unpack.viewer.scheduler import Worker
 from napari_unpack.widgets.file_names import ask_where_to_write
 from napari_unpack.widgets.notifications import errors_shown
 from napari_unpack.widgets.repair_tools import RepairTools
-from napari_unpack.widgets.section import Collapsible, button, keep_lines, label, row
+from napari_unpack.widgets.section import Collapsible, button, keep_lines, label, row, scroll_to
 from napari_unpack.widgets.workspace import Change, Workspace
 
 if TYPE_CHECKING:
@@ -122,6 +122,19 @@ class ReviewBox(Collapsible):
             return
         self._repair.answer(doubt, said)
 
+    def answer_by_key(self, said: Said) -> None:
+        """Answer what is asked now; a question scrolled out of sight is first brought into it.
+
+        Parameters
+        ----------
+        said : {"same", "different", "nothing", "skip"}
+        """
+        asked = self.sentence
+        if asked.isVisible() and not asked.visibleRegion().contains(asked.rect().center()):
+            scroll_to(self)
+        else:
+            self.answer(said)
+
     def _follow(self) -> None:
         # Two sessions ask with equal keys: what is looked for in the one shown before answers none.
         for slot in (SLOT, PICTURE_SLOT):
@@ -144,6 +157,7 @@ class ReviewBox(Collapsible):
         self._left, self._asked = [], self._now()
         self.picture.clear()
         task = None if session is None else session.review.doubts_task()
+        self.picture.setVisible(task is not None)
         if session is not None and task is not None and self.toggle.isChecked():
             self.sentence.setText("Looking for what is doubtful…")
             take = partial(self._take, session, self._asked)

@@ -1,4 +1,4 @@
-"""Keys while the panel is open: on the viewer, and on our own layers, whose keys go first."""
+"""Keys while the panel is open: on the viewer, and on layers, whose keys go first."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from napari_unpack.widgets.workspace import Workspace
 
 if TYPE_CHECKING:
     import napari
-    from napari.layers import Layer
+    from napari.layers import Labels, Layer
 
     KeyAction = Callable[[object], None]
 
@@ -59,13 +59,19 @@ MOUSE = (
     ("Ctrl+drag", "selects what it encloses, in slices too"),
     ("Wheel", "zooms"),
 )
+# What of it holds in napari's 2D view of a layer that is not the plugin's.
+IN_SLICES = (
+    "In slices, with a layer of yours active, napari's own keys of that layer go first (B, M, X "
+    "and the brush's tools 1…7 of Labels), but for Ctrl+Z, Ctrl+Shift+Z and Escape. While the "
+    "keyboard is in the panel, all but 1…7 and F are the panel's."
+)
 
 
 def help_text() -> str:
     """Return keys and mouse as rich text: the keys in lines that break between them only."""
     keys = " · ".join(f"<b>{key}</b>\u00a0{what}" for key, what in KEYS)
     mouse = "".join(f"<br><b>{how}</b> {what}" for how, what in MOUSE)
-    return keys + mouse
+    return f"{keys}{mouse}<br>{IN_SLICES}"
 
 
 # Pixels of a drag that turns by 15 degrees, which is what one press of an arrow key does.
@@ -88,6 +94,10 @@ GLANCES = {
     "Control-Up": (-GLANCE, 0.0),
     "Control-Down": (GLANCE, 0.0),
 }
+# On a layer of the user's these are napari's own wherever the keyboard is: its tools.
+TOOLS = frozenset({*VIEWS, FIT_KEY})
+# In which Escape gives up what the mouse draws on a Labels layer.
+DRAWING_MODES = frozenset({"paint", "erase", "polygon"})
 # While a direction is drawn; at any other time these keys are napari's own.
 SIDES = {"Left": (0.0, -1.0), "Right": (0.0, 1.0), "Up": (-1.0, 0.0), "Down": (1.0, 0.0)}
 
@@ -118,6 +128,7 @@ class Shortcuts:
         self._workspace, self._commands = workspace, commands
         self._planner, self._repair = planner, repair
         self._bound: list[tuple[napari.Viewer | Layer, str, KeyAction | None]] = []
+        self._inside = False
         self._actions: dict[str, Callable[[], None]] = {
             "N": commands.unpack,
             "B": commands.restore,
@@ -158,9 +169,57 @@ class Shortcuts:
         actions = self._actions | (self._while_drawing if drawing else {})
         # The active layer gets a key first, and one of ours is active in 3D.
         for owner in (unwrap(self._workspace.viewer), *controller.layers):
-            for key, act in actions.items():
-                earlier = owner.bind_key(key, _ignoring_its_owner(act), overwrite=True)
-                self._bound.append((owner, key, earlier))
+            self._bind_on(owner, actions)
+        # One of the user's keeps its keys for a hand that paints, but for a few.
+        painted = self._repair.painted
+        for layer in dict.fromkeys((*controller.sources, *painted)):
+            kept = {key: act for key, act in actions.items() if key not in TOOLS}
+            own = self._on_labels(layer) if layer in painted else {}
+            self._bind_on(layer, (kept if self._inside else {}) | own)
+
+    def follow_keyboard(self, inside: bool) -> None:
+        """Let the panel's keys go before those of the user's layers, or after them.
+
+        Parameters
+        ----------
+        inside : bool
+            Whether the keyboard is in the panel or in one of its docks.
+        """
+        if inside != self._inside:
+            self._inside = inside
+            self.bind()
+
+    def _bind_on(
+        self, owner: napari.Viewer | Layer, actions: Mapping[str, Callable[[], None]]
+    ) -> None:
+        for key, act in actions.items():
+            earlier = owner.bind_key(key, _ignoring_its_owner(act), overwrite=True)
+            self._bound.append((owner, key, earlier))
+
+    def _on_labels(self, layer: Labels) -> dict[str, Callable[[], None]]:
+        """Return what goes before a Labels layer's own keys, also for a hand that paints."""
+
+        def undo() -> None:
+            # napari's own would put back numbers of before a repair that came after the stroke.
+            if self._repair.comparing or layer not in self._repair.painted:
+                layer.undo()
+            else:
+                self._undo()
+
+        def redo() -> None:
+            if self._repair.comparing or layer not in self._repair.painted:
+                layer.redo()
+            else:
+                self._commands.redo()
+
+        def escape() -> None:
+            known = {str(key): act for key, act in type(layer).class_keymap.items()}
+            if layer.mode in DRAWING_MODES and "Escape" in known:
+                known["Escape"](layer)
+            else:
+                self._escape()
+
+        return {"Control-Z": undo, "Control-Shift-Z": redo, "Escape": escape}
 
     def _release(self) -> None:
         for owner, key, earlier in self._bound:

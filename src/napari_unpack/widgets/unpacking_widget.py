@@ -28,6 +28,7 @@ from napari_unpack.widgets import notifications
 from napari_unpack.widgets.clipping_box import ClippingBox
 from napari_unpack.widgets.color_section import ColorSection
 from napari_unpack.widgets.commands import Commands
+from napari_unpack.widgets.dock_button import DockContents
 from napari_unpack.widgets.files_section import FilesSection
 from napari_unpack.widgets.focus_ring import FocusRing
 from napari_unpack.widgets.held_place import HeldPlace
@@ -131,7 +132,7 @@ class UnpackingWidget(QWidget):
             "T": self.color.background.names.toggle,
             "M": lambda: self.measure.measure(2),
             "A": lambda: self.measure.measure(3),
-            **{key: partial(self.objects.review.answer, said) for key, said in KEYS.items()},
+            **{k: partial(self.objects.review.answer_by_key, said) for k, said in KEYS.items()},
         }
         self.shortcuts = Shortcuts(
             self.workspace, self.commands, self.planner, self.objects.repair, keys
@@ -146,9 +147,12 @@ class UnpackingWidget(QWidget):
         self.unpack.draw.toggled.connect(self._follow_drawing)
         # Where the keyboard was in the panel and in our docks.
         self._left: dict[QWidget, QWidget] = {}
+        self._pane_keys = []
         for key, step in ((PANE_KEY, 1), (f"Shift+{PANE_KEY}", -1)):
-            shortcut = QShortcut(QKeySequence(key), self)
+            # Of the viewer's window, whose keys hold in all its floating docks as well.
+            shortcut = QShortcut(QKeySequence(key), compat.native_window(napari_viewer) or self)
             shortcut.activated.connect(partial(self._go_to_pane, step))
+            self._pane_keys.append(shortcut)
         QApplication.instance().focusChanged.connect(self._show_focused)
         WheelGuard(self)
         napari_viewer.events.theme.connect(self._dress)
@@ -222,7 +226,9 @@ class UnpackingWidget(QWidget):
             self.unpack.draw.setFocus(Qt.FocusReason.ShortcutFocusReason)
 
     def _show_focused(self, before: QWidget | None, focused: QWidget | None) -> None:
-        """Scroll to what keys have given the keyboard to."""
+        """Scroll to what keys have given the keyboard to, and follow whose keys go first."""
+        if not self._ended:
+            self.shortcuts.follow_keyboard(self._pane_of(focused) is not None)
         # Not under the mouse, and not where a window comes back that was scrolled by the wheel.
         by_keys = before is not None and QApplication.mouseButtons() == Qt.MouseButton.NoButton
         if by_keys and focused is not None and self.isAncestorOf(focused):
@@ -233,22 +239,36 @@ class UnpackingWidget(QWidget):
         if opened:
             scroll_to_new(folded, self.workspace.scheduler)
 
+    def _panes(self) -> list[FocusRing | UnpackingWidget | DockContents]:
+        """Return the 3D view, and what of ours is to be seen."""
+        ours = (self.ring, self, self.objects.table_button.dock, self.slices.dock)
+        # A window that closes takes them away one by one.
+        there = (one for one in ours if one is not None and isalive(one))
+        return [one for one in there if one is self.ring or one.isVisible()]
+
+    def _pane_of(self, focused: QWidget | None) -> QWidget | None:
+        """Return the one of them that has the keyboard."""
+        panes = self._panes()
+        return next((pane for pane in panes if focused and pane.isAncestorOf(focused)), None)
+
     def _go_to_pane(self, step: int) -> None:
         """Hand the keyboard from the 3D view to the panel, to our docks, and around."""
-        ours = (self.ring, self, self.objects.table_button.dock, self.slices.dock)
-        panes = [one for one in ours if one is not None and (one is self.ring or one.isVisible())]
+        panes = self._panes()
         focused = QApplication.focusWidget()
         # The 3D view comes first, and is where the keyboard is while it is in none of them.
-        inside = (k for k, pane in enumerate(panes) if focused and pane.isAncestorOf(focused))
-        place = next(inside, None)
+        place = self._pane_of(focused)
         if place is not None and focused is not None:
-            self._left[panes[place]] = focused
-        pane = panes[((place or 0) + step) % len(panes)]
+            self._left[place] = focused
+        pane = panes[((0 if place is None else panes.index(place)) + step) % len(panes)]
         last = self._left.get(pane)
         if last is not None and isalive(last) and last.isVisible() and last.isEnabled():
             last.setFocus(Qt.FocusReason.ShortcutFocusReason)
         else:
             pane.take_keyboard()
+        # A floating dock is a window of its own; others may stand in one place.
+        pane.activateWindow()
+        if isinstance(frame := pane.parentWidget(), QDockWidget):
+            frame.raise_()
 
     def sizeHint(self) -> QSize:
         """Return a narrow size, which the window makes as tall as it is."""
@@ -269,6 +289,8 @@ class UnpackingWidget(QWidget):
         self.color.background.end()
         self.workspace.end()
         self.shortcuts.close()
+        for key in filter(isalive, self._pane_keys):
+            key.deleteLater()
         if self.ring is not None:
             self.ring.end()
         self._viewer.events.theme.disconnect(self._dress)
