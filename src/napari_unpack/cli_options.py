@@ -179,13 +179,14 @@ def _with_labels_beside(
         return scan
     (file,) = beside
     try:
-        if file.stat().st_mtime < source.stat().st_mtime:
-            raise ValueError("it is older than the volume")
+        # A copy of both may have been made in either order.
+        older = file.stat().st_mtime < source.stat().st_mtime
         found = scan_with_label_file(scan, file, large)
     except (ValueError, OSError, ImportError, MemoryError) as error:
         _tell_assumed(source, (f"{file.name} beside it is left out: {error}{instead}",))
         return scan
-    told = f"its labels are those beside it, {file.name}{more}"
+    aged = ", which are older than it" if older else ""
+    told = f"its labels are those beside it, {file.name}{aged}{more}"
     _tell_assumed(source, (told, *found.assumed[len(scan.assumed) :]))
     return found
 

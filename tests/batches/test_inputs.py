@@ -186,9 +186,12 @@ def test_a_table_as_a_person_types_it_is_read(tmp_path: Path) -> None:
         "0007",
     )
     assert (second.labels, second.spacing, second.name) == (None, None, "b")
-    table.write_text("volume,Volume\na.npz,b.npz\n")
-    with pytest.raises(ValueError, match="must have each column once, got"):
-        find_inputs([table])
+    for twice in ("volume,Volume\na.npz,b.npz\n", "volume,labels,labels\na.npz,b.npz,c.npz\n"):
+        table.write_text(twice)
+        with pytest.raises(ValueError, match="must have each column once, got"):
+            find_inputs([table])
+    table.write_text("volume,mine,mine,,\na.npz,1,2,,\n")
+    assert len(find_inputs([table])) == 1
 
 
 def test_numbers_are_names_without_a_fraction(tmp_path: Path) -> None:

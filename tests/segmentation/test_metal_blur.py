@@ -113,3 +113,11 @@ def test_labels_given_are_not_changed_and_nothing_or_everything_labelled_is_left
     assert (found == kept).all()
     for labels in (np.zeros(SHAPE, np.int32), np.ones(SHAPE, np.int32)):
         assert (without_blur(labels, volume) == labels).all()
+
+
+def test_metal_of_which_nearly_nothing_would_be_left_stays_as_it_is():
+    dense = box(SHAPE, (20, 20, 20), (23, 23, 23))
+    volume = np.where(dense, 3500.0, np.where(cloth(), CLOTH, 0.0)).astype(np.float32)
+    volume[21, 21, 21] = 9000.0
+    found = np.where(dense, 2, cloth()).astype(np.int32)
+    assert (without_blur(found, volume) == found).all()

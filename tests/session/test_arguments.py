@@ -280,7 +280,9 @@ def test_a_table_of_a_part_of_the_objects_and_of_others_is_known_by_its_column(c
     # 9 has gone from the labels since, or lies outside them.
     table = pd.DataFrame({column: [2, 3, 4, 9], "name": ["lid", "pan", "tray", "lamp"]})
     blank = pd.concat([table, pd.DataFrame({"name": ["?", "?"]})], ignore_index=True)
-    for given in (table, blank, table.drop(index=0), table.set_index(pd.Index([1, 2, 3, 4]))):
+    # Of an index that may be the IDs as well, only `id` leaves no doubt.
+    doubtful = (table.drop(index=0), table.set_index(pd.Index([1, 2, 3, 4])))
+    for given in (table, blank, *(doubtful if column == "id" else ())):
         objects = session_of(stack_of_plates(), objects=given).objects
         lid = "lid" if 2 in given[column].tolist() else "Object 2"
         assert objects["name"].tolist() == ["Object 1", lid, "pan", "tray", "Object 5"]
@@ -294,6 +296,25 @@ def test_a_table_as_scikit_image_measures_it_is_known_by_its_column_label() -> N
     # A person's own, beside the objects' IDs.
     own = pd.DataFrame({"label": [2, 3, 4, 5, 6]}, index=range(1, 6))
     assert session_of(bag, objects=own).objects["label"].tolist() == [2, 3, 4, 5, 6]
+
+
+def test_a_table_that_may_have_its_ids_in_two_places_is_refused() -> None:
+    bag = stack_of_plates()
+    table = pd.DataFrame({"label": [2, 1], "kind": ["cup", "box"]}, index=[1, 3])
+    with pytest.raises(ValueError, match="where its IDs are, got some in its index and others"):
+        session_of(bag, objects=table)
+    said = session_of(bag, objects=table.rename_axis("id")).objects["kind"]
+    assert said[[1, 3]].tolist() == ["cup", "box"]
+    said = session_of(bag, objects=table.set_index("label")).objects["kind"]
+    assert said[[2, 1]].tolist() == ["cup", "box"]
+
+
+def test_a_table_of_another_session_is_known_by_the_ids_people_know() -> None:
+    bag = stack_of_plates().astype(np.int64) * 100_000
+    table = session_of(bag).objects[["label", "mean_density"]].assign(kind=[*"abcde"])
+    table.index = table.index + 1_000
+    table = table[::-1].rename_axis("id")
+    assert session_of(bag, objects=table).objects["kind"].tolist() == [*"abcde"]
 
 
 @pytest.mark.parametrize("ids", [None, [True, False, True], [0.5, 1, 2], [7, 8, 9]], ids=repr)

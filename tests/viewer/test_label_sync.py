@@ -12,7 +12,7 @@ from napari.utils.colormaps import DirectLabelColormap, label_colormap
 
 from bells import BELL, CUBE, SLAB, bells
 from manual_scheduler import ManualScheduler
-from napari_unpack.session import Session
+from napari_unpack.session import ObjectState, Session
 from napari_unpack.tasks import no_progress
 from napari_unpack.viewer.label_sync import QUIET_MS, LabelSync, with_sharing
 from napari_unpack.viewer.slice_sync import SliceHues
@@ -227,30 +227,41 @@ def test_a_layer_of_two_viewers_gets_its_own_colormap_back(first: int) -> None:
     assert brush.layer.colormap is own
 
 
-def test_a_repair_in_one_viewer_reaches_the_session_of_another_that_has_the_layer_too() -> None:
+def test_a_layer_of_two_viewers_is_followed_by_the_session_that_had_it_first() -> None:
     first = Brush()
     second = Brush(layer=first.layer)
-    # As both 3D views have it.
-    first.layer.visible = False
+    assert "open in another window" in second.told[-1]
     first.run()
     second.run()
+    second.session.unpack(SLAB)
     first.session.merge([CUBE, SLAB])
-    second.run()
-    assert np.array_equal(second.session.labels, first.session.labels)
     first.layer.paint((36, 2, 2), BELL)
-    second.run()
-    first.run()
+    for _ in range(3):
+        first.run()
+        second.run()
     assert len(first.session.ids) == 2
     assert first.session.labels[36, 2, 2] == BELL
     assert first.is_in_step()
-    assert second.is_in_step()
-    first.session.undo()
-    first.session.undo()
-    second.run()
-    first.run()
     assert len(second.session.ids) == 3
+    assert second.session.states[SLAB] is ObjectState.UNPACKED
+    second.session.undo()
+    second.session.merge([CUBE, BELL])
+    first.run()
     assert first.is_in_step()
-    assert second.is_in_step()
+    assert len(first.session.ids) == 2
+
+
+def test_looking_at_another_slice_is_no_stroke_that_is_not_known_yet() -> None:
+    brush = Brush()
+    brush.run()
+    brush.layer.refresh()
+    brush.layer.events.set_data()
+    assert brush.sync.pending
+    assert not brush.sync.has_stroke
+    brush.layer.paint((36, 2, 2), BELL)
+    assert brush.sync.has_stroke
+    brush.run()
+    assert not brush.sync.has_stroke
 
 
 def test_labels_that_take_the_place_of_the_followed_are_told_once() -> None:

@@ -195,6 +195,10 @@ def _without_labels(paths: list[Path]) -> list[Path]:
     return [path for path in paths if not is_labels(path)]
 
 
+COLUMNS = ("volume", "labels", "name", "spacing")
+"""What a table of volumes may say of each; others are a person's own."""
+
+
 def _listed(table: Path) -> Iterator[ScanInput]:
     """Yield the scans of a table."""
     import pandas as pd
@@ -204,17 +208,23 @@ def _listed(table: Path) -> Iterator[ScanInput]:
     try:
         # As text, so that names of digits keep their zeros; people put blanks after commas.
         csv = partial(pd.read_csv, dtype=str, skipinitialspace=True)
-        rows: Any = (pd.read_parquet if suffix_of(table) == ".parquet" else csv)(table)
+        if suffix_of(table) == ".parquet":
+            rows: Any = pd.read_parquet(table)
+            given = list(map(str, rows))
+        else:
+            rows = csv(table)
+            # Before pandas gives the second of two alike a name of its own.
+            given = list(map(str, csv(table, header=None, nrows=1).iloc[0]))
     except Exception as error:
         # Of pandas and of pyarrow, which have errors of their own.
         raise ValueError(f"{table} is no readable table: {error}") from error
-    given = list(map(str, rows))
     rows.columns = [name.strip().lower() for name in given]
     if "volume" not in rows:
         raise ValueError(f"{table} must have a column 'volume', got {given}")
-    if not rows.columns.is_unique:
+    if any(list(rows.columns).count(name) > 1 for name in COLUMNS):
         raise ValueError(f"{table} must have each column once, got {given}")
-    for number, row in enumerate(rows.to_dict("records"), 1):
+    used = rows.loc[:, rows.columns.isin(COLUMNS)]
+    for number, row in enumerate(used.to_dict("records"), 1):
         where = f"row {number} of {table}"
         volume = _entry(row, "volume")
         if volume is None:

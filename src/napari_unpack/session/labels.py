@@ -112,10 +112,19 @@ def object_table(
 
 def _by_id(table: pd.DataFrame, ids: NDArray[np.int64]) -> pd.DataFrame:
     """Return a given table with the IDs of its rows, each once, as its index."""
-    # A person's own columns of these names stay where the index is of the objects.
-    if table.index.name is None and set(table.index) != set(ids.tolist()):
+    # A person's own columns of these names stay where the index is of the objects; that of another
+    # session counts its objects, and has the IDs that people know them by in `label`.
+    named, known = table.index.name is not None, table.index.isin(ids)
+    if set(table.index) != set(ids.tolist()) and not (named and known.any()):
         for column in ("id", "label"):
             if column in table and _may_be_ids(table[column], ids):
+                other = (table[column].to_numpy() != table.index.to_numpy()).any()
+                if column == "label" and known.all() and other:
+                    raise ValueError(
+                        "objects must say where its IDs are, got some in its index and others in "
+                        "its column 'label': use objects.set_index('label'), or name the index "
+                        "'id' if they are there"
+                    )
                 return table.dropna(subset=[column]).set_index(column)
         if 0 in table.index:
             raise ValueError(

@@ -60,9 +60,10 @@ class LabelSync:
     is of the whole layer, and would meet it again. Layers that read their voxels when they are
     looked at (dask, zarr, several resolutions), and arrays of another shape, are not followed,
     which is said at the first stroke: every comparison would read all of them. A time series of
-    which a followed layer is one time point, in the same memory, is followed with it. Where a
-    layer is in two viewers, what the session of one writes is a stroke for that of the other. A
-    layer whose array another session follows in another layer is given a copy, which is said.
+    which a followed layer is one time point, in the same memory, is followed with it. A layer that
+    the session of another viewer follows is not followed here, and one whose array that session
+    follows in another layer is given a copy: two sessions would take each other's repairs for
+    strokes, and each might refuse the other's. Both are said.
     """
 
     def __init__(
@@ -84,13 +85,16 @@ class LabelSync:
     ) -> None:
         self._session, self._scheduler, self._refusal = session, scheduler, refusal
         self._run, self._message, self._recoloring = run, message, recoloring
-        self._layers = [x for x in sources if isinstance(x, Labels)]
+        elsewhere = [x for sync in _open for x in sync._layers if sync._fits(x)]
+        self._layers: list[Labels] = [
+            x for x in sources if isinstance(x, Labels) and self._is_free(x, elsewhere)
+        ]
         for layer in filter(self._fits, self._layers):
-            self._part(layer)
+            self._part(layer, elsewhere)
         _open.add(self)
         session.own_labels([layer.data for layer in self._layers if _is_array(layer)])
         self._seen, self._boxes = session.labels, session.boxes
-        self._writing = False
+        self._writing = self._stroke = False
         self._told: set[Labels] = set()
         for event in _edits(self._layers):
             event.connect(self._on_painted)
@@ -111,6 +115,14 @@ class LabelSync:
         return self._scheduler.pending(self._compare)
 
     @property
+    def has_stroke(self) -> bool:
+        """Whether something may have been painted that the session does not know yet.
+
+        Looking at another slice, which is compared too, is none.
+        """
+        return self._stroke
+
+    @property
     def followed(self) -> tuple[Labels, ...]:
         """The layers on which a stroke of a brush is an edit."""
         return tuple(layer for layer in self._layers if self._followed(layer) is not None)
@@ -125,11 +137,19 @@ class LabelSync:
             event.disconnect(self._on_painted)
         self._layers = []
 
-    def _part(self, layer: Labels) -> None:
+    def _is_free(self, layer: Labels, elsewhere: Sequence[Labels]) -> bool:
+        """Return whether a layer is no other session's, and say so where it is."""
+        free = all(layer is not x for x in elsewhere)
+        if not free:
+            self._message(
+                f"{layer.name} is open in another window too. What is painted on it and repaired "
+                "goes by the objects there; repairs here are not shown in it."
+            )
+        return free
+
+    def _part(self, layer: Labels, elsewhere: Sequence[Labels]) -> None:
         """Give a layer an array of its own, where another session follows it in another layer."""
-        others = [x for sync in _open for x in sync._layers if sync._fits(x)]
-        # One layer in two viewers is one for both: each takes over what the other changes.
-        if layer not in others and any(_share_memory(layer, x) for x in others):
+        if any(_share_memory(layer, x) for x in elsewhere):
             layer.data = layer.data.copy()
             self._message(
                 f"The array of {layer.name} is also that of labels that are open in another "
@@ -146,6 +166,7 @@ class LabelSync:
         if followed is not None:
             self._told.discard(layer)
             self._painted = followed
+            self._stroke |= event.type != "set_data"
             self._wait()
         # Which is also raised when another slice is looked at.
         elif event.type != "set_data":
@@ -210,6 +231,7 @@ class LabelSync:
             # Another change came between: the stroke is still in the layer.
             self._wait()
             return
+        self._stroke &= self.pending
         refused = None if edited is None else edited.refused
         if refused is not None and len(refused.where):
             shape = self._session.labels[refused.box].shape
@@ -231,6 +253,7 @@ class LabelSync:
     def _take_back(
         self, error: Exception, found: list[tuple[slice, NDArray[np.bool_]] | None]
     ) -> None:
+        self._stroke &= self.pending
         painted = [one for one in found if one is not None]
         for planes, where in painted:
             self._write((planes, slice(None), slice(None)), where)
@@ -268,8 +291,6 @@ class LabelSync:
                 if dtype != layer.data.dtype or not layer.data.flags.writeable:
                     layer.data = layer.data.astype(dtype)
                 layer.data[box][where] = wanted
-                # A hidden layer tells of no refresh, and another viewer may have a session of it.
-                layer.events.data(value=layer.data)
             # Those too that show the same memory.
             for layer in self._layers:
                 if self._followed(layer) is not None:

@@ -74,8 +74,9 @@ class RepairTools(QObject):
 
     @property
     def comparing(self) -> bool:
-        """Whether the session does not know yet what a brush has painted."""
-        return self.running and self._asked is None
+        """Whether the session does not know yet what was painted, and nothing else is asked."""
+        asked = self._asked is not None or self._next is not None
+        return not asked and self._label_sync is not None and self._label_sync.has_stroke
 
     def split_by_clicks(self) -> None:
         """Wait for two clicks on one object; a second call stops waiting."""

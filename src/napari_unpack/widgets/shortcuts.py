@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,8 @@ from napari_unpack.widgets.workspace import Workspace
 if TYPE_CHECKING:
     import napari
     from napari.layers import Labels, Layer
+
+    from napari_unpack.viewer.controller import SessionController
 
     KeyAction = Callable[[object], None]
 
@@ -127,7 +130,8 @@ class Shortcuts:
     ) -> None:
         self._workspace, self._commands = workspace, commands
         self._planner, self._repair = planner, repair
-        self._bound: list[tuple[napari.Viewer | Layer, str, KeyAction | None]] = []
+        self._bound: list[tuple[napari.Viewer | Layer, str, _Pressed]] = []
+        self._bound_on_sources: list[tuple[napari.Viewer | Layer, str, _Pressed]] = []
         self._inside = False
         self._actions: dict[str, Callable[[], None]] = {
             "N": commands.unpack,
@@ -161,21 +165,29 @@ class Shortcuts:
 
     def bind(self) -> None:
         """Bind the keys that could act now: none without a session, more while drawing."""
-        self._release()
+        _release(self._bound)
         controller = self._workspace.controller
+        if controller is not None:
+            # The active layer gets a key first, and one of ours is active in 3D.
+            for owner in (unwrap(self._workspace.viewer), *controller.layers):
+                self._bound += _bind_on(owner, self._acting(controller))
+        self._bind_on_sources()
+
+    def _bind_on_sources(self) -> None:
+        """Bind the keys of the user's layers, which keep theirs for a hand that paints."""
+        _release(self._bound_on_sources)
+        controller, painted = self._workspace.controller, self._repair.painted
         if controller is None:
             return
-        drawing = controller.interaction.pencil.drawing
-        actions = self._actions | (self._while_drawing if drawing else {})
-        # The active layer gets a key first, and one of ours is active in 3D.
-        for owner in (unwrap(self._workspace.viewer), *controller.layers):
-            self._bind_on(owner, actions)
-        # One of the user's keeps its keys for a hand that paints, but for a few.
-        painted = self._repair.painted
+        actions = self._acting(controller) if self._inside else {}
+        kept = {key: act for key, act in actions.items() if key not in TOOLS}
         for layer in dict.fromkeys((*controller.sources, *painted)):
-            kept = {key: act for key, act in actions.items() if key not in TOOLS}
             own = self._on_labels(layer) if layer in painted else {}
-            self._bind_on(layer, (kept if self._inside else {}) | own)
+            self._bound_on_sources += _bind_on(layer, kept | own)
+
+    def _acting(self, controller: SessionController) -> dict[str, Callable[[], None]]:
+        drawing = controller.interaction.pencil.drawing
+        return self._actions | (self._while_drawing if drawing else {})
 
     def follow_keyboard(self, inside: bool) -> None:
         """Let the panel's keys go before those of the user's layers, or after them.
@@ -187,14 +199,7 @@ class Shortcuts:
         """
         if inside != self._inside:
             self._inside = inside
-            self.bind()
-
-    def _bind_on(
-        self, owner: napari.Viewer | Layer, actions: Mapping[str, Callable[[], None]]
-    ) -> None:
-        for key, act in actions.items():
-            earlier = owner.bind_key(key, _ignoring_its_owner(act), overwrite=True)
-            self._bound.append((owner, key, earlier))
+            self._bind_on_sources()
 
     def _on_labels(self, layer: Labels) -> dict[str, Callable[[], None]]:
         """Return what goes before a Labels layer's own keys, also for a hand that paints."""
@@ -221,16 +226,11 @@ class Shortcuts:
 
         return {"Control-Z": undo, "Control-Shift-Z": redo, "Escape": escape}
 
-    def _release(self) -> None:
-        for owner, key, earlier in self._bound:
-            # None as the earlier action unbinds the key.
-            owner.bind_key(key, earlier, overwrite=True)
-        self._bound.clear()
-
     def close(self) -> None:
         """Give all keys back."""
         self._workspace.switched.disconnect(self.bind)
-        self._release()
+        _release(self._bound)
+        _release(self._bound_on_sources)
 
     def _undo(self) -> None:
         """Take back what was done last, also where it is still being worked out."""
@@ -285,9 +285,43 @@ class Shortcuts:
             self._commands.leave_container()
 
 
-def _ignoring_its_owner(act: Callable[[], None]) -> KeyAction:
-    # napari calls a key's action with the viewer or layer that it is bound to.
-    def pressed(_owner: object) -> None:
-        act()
+@dataclass(frozen=True, eq=False)
+class _Pressed:
+    """What a key of ours does.
 
-    return pressed
+    Parameters
+    ----------
+    act : callable
+    earlier : callable, optional
+        What the key did before; None for nothing of this owner's.
+    """
+
+    act: Callable[[], None]
+    earlier: KeyAction | None
+
+    def __call__(self, _owner: object) -> None:
+        # napari calls a key's action with the viewer or layer that it is bound to.
+        self.act()
+
+
+def _bind_on(
+    owner: napari.Viewer | Layer, actions: Mapping[str, Callable[[], None]]
+) -> Iterator[tuple[napari.Viewer | Layer, str, _Pressed]]:
+    for key, act in actions.items():
+        earlier = owner.bind_key(key, None, overwrite=True)
+        if isinstance(earlier, _Pressed):
+            # Of the panel of another window, which may be closed before this one.
+            earlier = earlier.earlier
+        pressed = _Pressed(act, earlier)
+        owner.bind_key(key, pressed, overwrite=True)
+        yield owner, key, pressed
+
+
+def _release(bound: list[tuple[napari.Viewer | Layer, str, _Pressed]]) -> None:
+    """Give keys back, but for those that somebody has bound since."""
+    for owner, key, pressed in bound:
+        # None as the earlier action unbinds the key.
+        now = owner.bind_key(key, pressed.earlier, overwrite=True)
+        if now is not pressed:
+            owner.bind_key(key, now, overwrite=True)
+    bound.clear()

@@ -13,6 +13,7 @@ from scipy.ndimage import generate_binary_structure, maximum_filter
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.segmentation.common.array_source import grown
 from napari_unpack.segmentation.common.density_regions import SOLID_METAL
+from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS
 from napari_unpack.segmentation.postprocessing.cables import scale_of
 
 BLURRED = 2
@@ -36,7 +37,7 @@ def without_blur(labels: NDArray[np.int32], density: NDArray[np.generic]) -> NDA
         The same, but for the outermost voxels of objects most of which is solid metal: those with
         less than half of their object's peak nearby, above air, belong to the object across their
         face, or to the background. Insulated cables and tins are not mostly metal, and keep their
-        plastic and their contents.
+        plastic and their contents; so does metal of which less than the least object would be left.
     """
     scale = scale_of(labels, density)
     if scale is None:
@@ -50,8 +51,10 @@ def without_blur(labels: NDArray[np.int32], density: NDArray[np.generic]) -> NDA
     for name in metal[metal > 0].tolist():
         box = grown(boxes.slices(name), 1, labels.shape)
         own = labels[box] == name
-        above = np.where(own, density[box].astype(np.float64) - scale.air, 0.0)
+        above = np.where(own, density[box].astype(np.float32) - np.float32(scale.air), 0)
         faint = own & (above < maximum_filter(np.nan_to_num(above), 2 * BLURRED + 1) / 2)
+        if np.count_nonzero(own & ~faint) < MIN_OBJECT_VOXELS:
+            continue
         around = result[box]
         for _ in range(BLURRED):
             other = maximum_filter(np.where(around == name, -1, around), footprint=across)
