@@ -298,6 +298,8 @@ class _Pressed:
 
     act: Callable[[], None]
     earlier: KeyAction | None
+    # napari's own buttons look for their actions among the keys by it.
+    __name__ = "pressed"
 
     def __call__(self, _owner: object) -> None:
         # napari calls a key's action with the viewer or layer that it is bound to.
