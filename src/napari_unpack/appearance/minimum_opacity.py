@@ -102,7 +102,7 @@ def minimum_opacity(
     met by a ray that meets the object at all, on average, along the axis where they are fewest:
     an object is held with its broad side to the viewer.
     """
-    voxels = int(np.count_nonzero(mask))
+    voxels = np.count_nonzero(mask)
     if not voxels or _opacity_through(mask, density, shown) >= HARDLY_SEEN:
         return 0.0
     return float(1.0 - (1.0 - GIVEN_OPACITY) ** (1.0 / _thickness(mask, voxels)))
