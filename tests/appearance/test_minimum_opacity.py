@@ -10,7 +10,6 @@ from napari_unpack.appearance.minimum_opacity import (
     HARDLY_SEEN,
     minimum_opacity,
     surely_seen,
-    unseen,
 )
 from napari_unpack.geometry.transforms import Pose
 from napari_unpack.rendering.compose import sprite_image
@@ -112,17 +111,3 @@ def test_a_minimum_opacity_leaves_the_air_around_an_object_clear() -> None:
     # Seen along z it has 17 x 17 voxels, and half a voxel of soft edge on every side.
     assert rows.sum() <= 19
     assert columns.sum() <= 19
-
-
-def test_objects_below_the_foot_of_the_curve_are_not_seen_in_the_bag() -> None:
-    session = bag()
-    session.volume[session.labels == FAINT_SHEET] = 90
-    session.volume[4, 3, 3] = 101
-    means = session.objects["mean_density"].to_dict()
-
-    def found(means: dict[int, float]) -> tuple[int, ...]:
-        return unseen(session.labels, session.volume, session.boxes, means, SHOWN)
-
-    assert found(means) == found(dict.fromkeys(means, float("nan"))) == (FAINT_SHEET,)
-    session.volume[session.labels == FAINT_SHEET] = 200
-    assert found(means) == ()

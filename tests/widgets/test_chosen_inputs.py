@@ -160,16 +160,3 @@ def test_labels_that_lie_otherwise_by_their_file_are_told(
     controller_with(panel, qtbot, labels)
     told = [record.message for record in notification_manager.records]
     assert sum("By their files 'expert' lie mirrored or turned on 'bag'" in t for t in told) == 1
-
-
-def test_objects_that_the_opacity_curve_does_not_show_are_told(
-    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
-) -> None:
-    image, labels = add_bag(viewer)
-    # Of air 20, and of the others from 600 to 4,500.
-    image.data[labels.data == 3] = 60
-    notification_manager.records.clear()
-    session = controller_with(panel, qtbot, labels)
-    assert session.transfer_function.opacity_at(60) == 0
-    (told,) = (record.message for record in notification_manager.records)
-    assert told.startswith("Too light for the opacity curve, and not seen in the bag: Object 3. ")

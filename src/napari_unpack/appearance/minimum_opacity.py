@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,8 +12,6 @@ from napari_unpack.geometry.boxes import LabelBoxes
 HARDLY_SEEN = 0.2
 # The opacity through its middle that such an object is given.
 GIVEN_OPACITY = 0.35
-# Opacity, through the middle of an object, below which a picture shows nothing of it.
-NOT_SEEN = 0.01
 # Voxels around an object, among which is air.
 AROUND = 2
 
@@ -102,45 +98,14 @@ def minimum_opacity(
     met by a ray that meets the object at all, on average, along the axis where they are fewest:
     an object is held with its broad side to the viewer.
     """
-    voxels = np.count_nonzero(mask)
-    if not voxels or _opacity_through(mask, density, shown) >= HARDLY_SEEN:
-        return 0.0
-    return float(1.0 - (1.0 - GIVEN_OPACITY) ** (1.0 / _thickness(mask, voxels)))
-
-
-def unseen(
-    labels: NDArray[np.uint16],
-    volume: NDArray[np.generic],
-    boxes: LabelBoxes,
-    mean_densities: Mapping[int, float],
-    shown: TransferFunction,
-) -> tuple[int, ...]:
-    """Return the objects of which a transfer function shows nothing in the bag.
-
-    Parameters
-    ----------
-    labels, volume, boxes, shown
-        See `visible_alone`.
-    mean_densities : mapping of int to float
-        By object, NaN where it is not known.
-    """
-    found = []
-    for row, object_id in enumerate(boxes.ids.tolist()):
-        edges = boxes.upper[row] - boxes.lower[row]
-        if surely_seen(int(boxes.counts[row]), edges, mean_densities[object_id], shown):
-            continue
-        part = boxes.slices(object_id)
-        if _opacity_through(labels[part] == object_id, volume[part], shown) < NOT_SEEN:
-            found.append(object_id)
-    return tuple(found)
-
-
-def _opacity_through(
-    mask: NDArray[np.bool_], density: NDArray[np.generic], shown: TransferFunction
-) -> float:
     voxels = np.nan_to_num(np.asarray(density[mask], dtype=np.float64))
-    clear = np.log1p(-np.minimum(shown.opacity_at(voxels), 0.9999)).mean()
-    return float(1.0 - np.exp(clear * _thickness(mask, len(voxels))))
+    if not len(voxels):
+        return 0.0
+    thickness = _thickness(mask, len(voxels))
+    clear = np.log1p(-np.minimum(shown.opacity_at(voxels), 0.9999)).mean() * thickness
+    if 1.0 - np.exp(clear) >= HARDLY_SEEN:
+        return 0.0
+    return float(1.0 - (1.0 - GIVEN_OPACITY) ** (1.0 / thickness))
 
 
 def own_range(values: NDArray[np.generic], air: float) -> tuple[float, float] | None:

@@ -25,7 +25,7 @@ from napari_unpack.layers.placement import (
     set_spacing,
     spacing_of,
 )
-from napari_unpack.session.errors import listed, listed_objects
+from napari_unpack.session.errors import listed
 from napari_unpack.tasks import Progress, TaskResult
 from napari_unpack.widgets import notifications
 from napari_unpack.widgets.contributions import packed_bag
@@ -415,13 +415,6 @@ class SegmentSection(Section):
         self._unpacked[order.image] = order.index
         if built.is_found:
             self._unsaved.found_in(seconds)
-        if built.unseen:
-            names = built.session.objects["name"]
-            which = listed_objects(str(names[i]) for i in built.unseen)
-            notifications.inform(
-                f"Too light for the opacity curve, and not seen in the bag: {which}. To see them, "
-                "move the foot of the curve to the left, in step 2 under Opacity curve and colours."
-            )
         if self._then is not None:
             self._then()
 

@@ -46,14 +46,11 @@ class BuiltSession:
         With the IDs that they were found or given with; never the array of the session's.
     is_found : bool
         Whether they are new, and not the user's own.
-    unseen : tuple of int
-        Objects of the user's own that are too light for the opacity curve to show them.
     """
 
     session: Session
     labels: NDArray[np.integer[Any]]
     is_found: bool
-    unseen: tuple[int, ...] = ()
 
 
 def build(
@@ -138,17 +135,7 @@ def build(
         session.own_labels([given])
         fitted(session)
         told(1.0, "Opening the 3D view")
-        return BuiltSession(
-            session, given, found is not None, _unseen(session) if found is None else ()
-        )
-
-
-def _unseen(session: Session) -> tuple[int, ...]:
-    from napari_unpack.appearance.minimum_opacity import unseen
-
-    means = session.objects["mean_density"].to_dict()
-    shown = session.transfer_function
-    return unseen(session.labels, session.volume, session.boxes, means, shown)
+        return BuiltSession(session, given, found is not None)
 
 
 def _segmented_whole(
