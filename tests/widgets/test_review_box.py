@@ -268,8 +268,6 @@ def test_labels_of_ones_own_have_no_questions_and_keys_then_do_nothing(
     box = panel.objects.review
     box.toggle.setChecked(True)
     assert "only objects that Segment has found" in box.sentence.text()
-    # Nor is room left for a picture.
-    assert box.picture.isHidden()
     assert not any(b.isEnabled() for b in (*box.answers.values(), box.save))
     for key in (Qt.Key.Key_S, Qt.Key.Key_D, Qt.Key.Key_X, Qt.Key.Key_K):
         qtbot.keyClick(compat.native_canvas(viewer).native, key)

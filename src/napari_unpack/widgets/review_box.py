@@ -157,7 +157,6 @@ class ReviewBox(Collapsible):
         self._left, self._asked = [], self._now()
         self.picture.clear()
         task = None if session is None else session.review.doubts_task()
-        self.picture.setVisible(task is not None)
         if session is not None and task is not None and self.toggle.isChecked():
             self.sentence.setText("Looking for what is doubtful…")
             take = partial(self._take, session, self._asked)

@@ -64,9 +64,8 @@ MOUSE = (
 )
 # What of it holds in napari's 2D view of a layer that is not the plugin's.
 IN_SLICES = (
-    "In slices, with a layer of yours active, napari's own keys of that layer go first (B, M, X "
-    "and the brush's tools 1…7 of Labels), but for Ctrl+Z, Ctrl+Shift+Z and Escape. While the "
-    "keyboard is in the panel, all but 1…7 and F are the panel's."
+    "In slices the keys of your active layer go first, but for Ctrl+Z, Ctrl+Shift+Z and Escape; "
+    "while the keyboard is in the panel, only its 1…7 and F."
 )
 
 
