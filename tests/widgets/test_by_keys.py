@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 from pytestqt.qtbot import QtBot
 from qtpy.QtGui import QContextMenuEvent
-from qtpy.QtWidgets import QApplication
+from qtpy.QtWidgets import QApplication, QDialog
 
 from keys import ALT, CONTROL, KEY, PLAIN, SHIFT, Keys, called
 from napari_unpack.layers import compat
 from napari_unpack.rendering.slice_image import ALONG_Z
+from napari_unpack.widgets import notifications
 from napari_unpack.widgets.object_columns import Column
 from napari_unpack.widgets.section import Collapsible
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
@@ -534,3 +535,27 @@ def test_work_is_saved_and_exported_by_keys(story: Any, qtbot: QtBot, tmp_path: 
     over()
     assert panel.unsaved.question is None
     assert not panel.workspace.scheduler.closed
+
+
+def test_a_notification_that_ends_leaves_the_keyboard_where_it_is(
+    story: Any, viewer: Any, qtbot: QtBot
+) -> None:
+    _, panel = story
+    canvas = compat.native_canvas(viewer).native
+    field = panel.unpack.next
+    field.setFocus()
+
+    def shown() -> list[QDialog]:
+        return [one for one in canvas.findChildren(QDialog) if one.isVisible()]
+
+    notifications.inform("Split off Object 2.")
+    assert shown()
+    for one in shown():
+        one.close()
+        assert QApplication.focusWidget() is field
+    # Whoever closes it by the button of its own goes on in the 3D view.
+    notifications.inform("Split off Object 3.")
+    (one,) = shown()
+    one.close_button.setFocus()
+    one.close()
+    assert QApplication.focusWidget() is canvas

@@ -414,6 +414,26 @@ def when_window_closes(viewer: napari.Viewer, callback: Callable[[], None]) -> C
     return call_off
 
 
+def keep_keyboard(viewer: napari.Viewer) -> None:
+    """Have napari's notifications leave the keyboard where it is, for the life of the canvas.
+
+    By itself each hands it to the canvas 4 s after it came: what is typed would be commands.
+    """
+    native = getattr(native_canvas(viewer), "native", None)
+    if native is None:
+        return
+    from qtpy.QtWidgets import QApplication
+
+    known: Callable[[], Any] = ref(native)
+
+    def set_focus(*reason: Any) -> None:
+        canvas, focused = known(), QApplication.focusWidget()
+        if reason or focused is None or canvas.isAncestorOf(focused):
+            type(canvas).setFocus(canvas, *reason)
+
+    native.setFocus = set_focus
+
+
 class NothingToSlice(SlicingState):  # type: ignore[misc,valid-type]
     """Slicing state of a layer that is an image and has no slices."""
 
@@ -555,15 +575,9 @@ class PictureLayer(Layer):
         *args, **kwargs
             Where the mouse is, as napari says it; not needed.
         """
-        status = dict(self._get_source_info())
-        status |= {
-            # Coordinates of a click into an image mean nothing.
-            "layer_base": self.words or self.name,
-            "coordinates": "",
-            "coords": "",
-            "value": "",
-        }
-        return status
+        # Coordinates of a click into an image mean nothing.
+        nothing = dict.fromkeys(("coordinates", "coords", "value"), "")
+        return {**self._get_source_info(), "layer_base": self.words or self.name, **nothing}
 
     def _get_ndim(self) -> int:
         return 3
@@ -596,14 +610,13 @@ class PictureLayer(Layer):
         height, width = self._thumbnail_shape[:2]
         # The whole image at one zoom; what it leaves free stays black.
         zoom = max(source.shape[0] / height, source.shape[1] / width)
-        middle = (np.asarray(source.shape[:2]) - 1) / 2
-        rows = middle[0] + (np.arange(height) - (height - 1) / 2) * zoom
-        cols = middle[1] + (np.arange(width) - (width - 1) / 2) * zoom
-        small = np.zeros((height, width, 4), dtype=np.float32)
-        keep_r = (rows > -0.5) & (rows < source.shape[0] - 0.5)
-        keep_c = (cols > -0.5) & (cols < source.shape[1] - 0.5)
-        picked = source[np.ix_(rows[keep_r].round().astype(int), cols[keep_c].round().astype(int))]
-        small[np.ix_(keep_r, keep_c)] = picked
+
+        def nearest(of: int, to: int) -> tuple[Any, Any]:
+            at = ((np.arange(to) - (to - 1) / 2) * zoom + (of - 1) / 2).round().astype(int)
+            return at.clip(0, of - 1), (at >= 0) & (at < of)
+
+        (rows, tall), (cols, wide) = map(nearest, source.shape, (height, width))
+        small = source[np.ix_(rows, cols)] * (tall[:, None] & wide)[..., None]
         small[..., 3] = 1.0
         self.thumbnail = (np.clip(small, 0, 1) * 255).astype(np.uint8)
 

@@ -154,6 +154,7 @@ class UnpackingWidget(QWidget):
             shortcut.activated.connect(partial(self._go_to_pane, step))
             self._pane_keys.append(shortcut)
         QApplication.instance().focusChanged.connect(self._show_focused)
+        compat.keep_keyboard(napari_viewer)
         WheelGuard(self)
         napari_viewer.events.theme.connect(self._dress)
         scheduler, release = self.workspace.scheduler, self.keeper.release
