@@ -45,10 +45,13 @@ def without_blur(labels: NDArray[np.int32], density: NDArray[np.generic]) -> NDA
     solid = labels[density > scale.air + np.expm1(SOLID_METAL) * scale.knee]
     sizes = np.bincount(labels.reshape(-1))
     metal = np.flatnonzero(2 * np.bincount(solid, minlength=len(sizes)) > sizes)
+    metal = metal[metal > 0]
+    if not len(metal):
+        return labels
     boxes = label_boxes(labels)
     across = generate_binary_structure(3, 1)
     result = labels.copy()
-    for name in metal[metal > 0].tolist():
+    for name in metal.tolist():
         box = grown(boxes.slices(name), 1, labels.shape)
         own = labels[box] == name
         above = np.where(own, density[box].astype(np.float32) - np.float32(scale.air), 0)
