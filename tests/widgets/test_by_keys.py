@@ -559,3 +559,10 @@ def test_a_notification_that_ends_leaves_the_keyboard_where_it_is(
     one.close_button.setFocus()
     one.close()
     assert QApplication.focusWidget() is canvas
+    # Nobody else is kept from giving it the keyboard, while one is shown or not.
+    for _ in range(2):
+        field.setFocus()
+        canvas.setFocus()
+        assert QApplication.focusWidget() is canvas
+        notifications.inform("Split off Object 4.")
+        assert shown()

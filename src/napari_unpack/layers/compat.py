@@ -125,8 +125,7 @@ def native_canvas(viewer: napari.Viewer) -> SceneCanvas | None:
 
 def native_window(viewer: napari.Viewer) -> QMainWindow | None:
     """Return the Qt window of a viewer, or None where it has none any more."""
-    window = getattr(unwrap(viewer), "window", None)
-    return getattr(window, "_qt_window", None)
+    return getattr(getattr(unwrap(viewer), "window", None), "_qt_window", None)
 
 
 def viewer_dropped_on() -> napari.Viewer | None:
@@ -402,14 +401,12 @@ def when_window_closes(viewer: napari.Viewer, callback: Callable[[], None]) -> C
     # A close may still be called off; only a destroyed window is gone.
     qt_window.destroyed.connect(destroyed)
     # What calls it off must not keep the window alive.
-    known = ref(qt_window)
+    known: Callable[[], Any] = ref(qt_window)
 
     def call_off() -> None:
         # Nothing is left to call off where the window has gone.
-        there = known()
-        if there is not None:
-            with suppress(RuntimeError, TypeError):
-                there.destroyed.disconnect(destroyed)
+        with suppress(AttributeError, RuntimeError, TypeError):
+            known().destroyed.disconnect(destroyed)
 
     return call_off
 
@@ -422,13 +419,16 @@ def keep_keyboard(viewer: napari.Viewer) -> None:
     native = getattr(native_canvas(viewer), "native", None)
     if native is None:
         return
+    from napari._qt.dialogs.qt_notification import NapariQtNotification as Toast
     from qtpy.QtWidgets import QApplication
 
     known: Callable[[], Any] = ref(native)
 
     def set_focus(*reason: Any) -> None:
         canvas, focused = known(), QApplication.focusWidget()
-        if reason or focused is None or canvas.isAncestorOf(focused):
+        toasts = [one for one in canvas.findChildren(Toast) if one.isVisible()]
+        # One that ends leaves the list before it hands the keyboard on.
+        if set(toasts) <= set(Toast._instances) or focused is None or canvas.isAncestorOf(focused):
             type(canvas).setFocus(canvas, *reason)
 
     native.setFocus = set_focus
