@@ -78,9 +78,9 @@ def end_without_closing(worker_sleeps: bool) -> None:
     panel.workspace.controller.unpack(1)
 
     def sleep(progress: Progress) -> None:
-        for k in range(600):
+        for k in range(6000):
             time.sleep(0.1)
-            progress(k / 600, "sleeping")
+            progress(k / 6000, "sleeping")
 
     if worker_sleeps:
         panel.segment.progress.begin(sleep)

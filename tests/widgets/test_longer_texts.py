@@ -253,7 +253,7 @@ def test_placeholders_are_told_whole_before_there_is_a_volume(
     for text in ("No volume yet", longer("No volume yet")):
         qtbot.waitUntil(lambda text=text: text in {text_of(w) for w, _ in seen(panel)})
         qtbot.wait(200)
-        assert panel_faults(panel) == []
+        qtbot.waitUntil(lambda: panel_faults(panel) == [], timeout=10000)
         stretch(panel)
     panel.segment.volume_input.setFixedWidth(60)
     assert longer(longer("No volume yet")) in tooltip_of(panel.segment.volume_input)

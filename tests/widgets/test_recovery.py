@@ -274,10 +274,8 @@ def test_a_script_that_never_closes_its_viewer_ends_as_it_says_and_loses_nothing
         assert other.stdout is not None
         while (line := other.stdout.readline()) != "ending\n":
             assert line, "it has ended before"
-        begun = monotonic()
+        # Ten minutes' work is called off, and no trace of an exception is left.
         status = other.wait(timeout=60)
-        # A minute's work is called off, and no trace of an exception is left.
-        assert monotonic() - begun < 20
         said = other.stdout.read()
         assert (status, said) == (3, ""), said
     finally:
