@@ -157,6 +157,11 @@ class Job:
             return TaskResult(result=self.task.run(progress))
         except Exception as error:
             return TaskResult(error=error)
+        except BaseException as error:
+            # Of a library that ends its program, or of Rust: whoever waits is to hear of it.
+            ended = RuntimeError(f"the work was ended by {type(error).__name__}: {error}")
+            ended.__cause__ = error
+            return TaskResult(error=ended)
 
 
 class _Workers(Protocol):
@@ -496,16 +501,26 @@ class Scheduler:
         job : Job
         result : TaskResult
         """
-        for done, failed in job.listeners:
-            # A listener may close the scheduler.
-            if self.closed:
-                return
-            if result.error is None:
-                done(result.result)
-            elif failed is not None:
-                failed(result.error)
-            elif self._failed is not None and not result.cancelled:
-                self._failed(str(result.error) or type(result.error).__name__)
+        # All hear of it in turn, also where one of them raises an error.
+        with contextlib.ExitStack() as stack:
+            for done, failed in reversed(job.listeners):
+                stack.callback(self._tell, done, failed, result)
+
+    def _tell(
+        self,
+        done: Callable[[Any], None],
+        failed: Callable[[Exception], None] | None,
+        result: TaskResult[Any],
+    ) -> None:
+        # A listener may close the scheduler.
+        if self.closed:
+            return
+        if result.error is None:
+            done(result.result)
+        elif failed is not None:
+            failed(result.error)
+        elif self._failed is not None and not result.cancelled:
+            self._failed(str(result.error) or type(result.error).__name__)
 
     # Timers.
 
