@@ -25,13 +25,14 @@ from napari_unpack.viewer.process_end import end_despite_workers
 
 T = TypeVar("T")
 Call = Callable[[], None]
+Done = Callable[[Any], None]
+Failed = Callable[[Exception], None] | None
 
 # About sixty animation frames a second, as screens show them.
 FRAME_MS = 16
 
 # Progress is passed on no more often: more would only fill the event queue.
 PROGRESS_SECONDS = 1 / 30
-
 
 # For those who come after a closed owner whose task runs on: few ever close so fast.
 SPARE_THREADS = 4
@@ -137,7 +138,7 @@ class Job:
     slot: Hashable
     task: Task[Any]
     progress: Callable[[float, str], None] | None
-    listeners: list[tuple[Callable[[Any], None], Callable[[Exception], None] | None]]
+    listeners: list[tuple[Done, Failed]]
     stopping: threading.Event = field(default_factory=threading.Event)
 
     def run(self, report: Callable[[Job, float, str], None]) -> TaskResult[Any]:
@@ -249,13 +250,12 @@ class ThreadWorkers:
         if not waits():
             return
         # With mouse and keys a second command could begin within the first.
-        flags = QEventLoop.ProcessEventsFlag.ExcludeUserInputEvents
+        kinds = QEventLoop.ProcessEventsFlag
+        flags = kinds.ExcludeUserInputEvents | kinds.WaitForMoreEvents
         QGuiApplication.setOverrideCursor(Qt.CursorShape.WaitCursor)
         try:
             while waits():
-                QCoreApplication.processEvents(
-                    flags | QEventLoop.ProcessEventsFlag.WaitForMoreEvents
-                )
+                QCoreApplication.processEvents(flags)
         finally:
             QGuiApplication.restoreOverrideCursor()
 
@@ -414,9 +414,8 @@ class Scheduler:
         worker : Worker, optional
             By default any.
         """
-        return any(
-            job.slot == slot and worker in (None, job.worker) for job in self._workers.jobs(self)
-        )
+        jobs = self._workers.jobs(self)
+        return any(job.slot == slot and worker in (None, job.worker) for job in jobs)
 
     def submit(
         self,
@@ -503,15 +502,10 @@ class Scheduler:
         """
         # All hear of it in turn, also where one of them raises an error.
         with contextlib.ExitStack() as stack:
-            for done, failed in reversed(job.listeners):
-                stack.callback(self._tell, done, failed, result)
+            for listener in reversed(job.listeners):
+                stack.callback(self._tell, result, *listener)
 
-    def _tell(
-        self,
-        done: Callable[[Any], None],
-        failed: Callable[[Exception], None] | None,
-        result: TaskResult[Any],
-    ) -> None:
+    def _tell(self, result: TaskResult[Any], done: Done, failed: Failed) -> None:
         # A listener may close the scheduler.
         if self.closed:
             return
@@ -696,9 +690,7 @@ class Scheduler:
             # Long work stops at its next report; the process ends without it if it must.
             job.stopping.set()
             self._workers.drop(job)
-        for timer in self._debounced.values():
+        idle = (phase.timer for phase in self._idle.values())
+        for timer in (*self._debounced.values(), *idle, self._frames):
             timer.stop()
         self._debounced.clear()
-        for idle in self._idle.values():
-            idle.timer.stop()
-        self._frames.stop()
