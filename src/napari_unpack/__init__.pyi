@@ -3,13 +3,14 @@ from .batches import BatchReport, batch
 from .geometry.view import View
 from .io import movie, open_session, save_session
 from .rendering import object_id_layers, occlusion_ratios, pick, render
-from .segmentation import Oracle, score, score_by, score_objects, segment, train
+from .segmentation import Oracle, Segmentation, score, score_by, score_objects, segment, train
 from .session import Session
 from .simulation import simulate_bag
 
 __all__ = [
     "BatchReport",
     "Oracle",
+    "Segmentation",
     "Session",
     "TransferFunction",
     "View",

@@ -54,7 +54,9 @@ class SteppedClock:
 
 
 def record(viewer: napari.Viewer, panel: UnpackingWidget, output: Path, progress: Progress) -> None:
-    """Write packed.png, flight.png, unpacked.png, inspect.png, unpacking.mp4 and objects.csv.
+    """Write pictures, a movie and a table of an unpacking.
+
+    packed.png, window.png, flight.png, unpacked.png, inspect.png, unpacking.mp4 and objects.csv.
 
     Parameters
     ----------

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import psutil
 
+# Version 2 of control groups, where a container has its limit.
+CONTROL_GROUP = Path("/sys/fs/cgroup")
 # Bytes a pixel of a picture that is drawn and written as PNG; 114 were measured.
 PICTURE_BYTES = 120
 # Measured: 285 to 350 in the encoder, which looks ahead over some forty frames.
@@ -17,7 +19,7 @@ def total_memory() -> int:
     """Return the bytes of memory that this computer has, or its container."""
     whole = int(psutil.virtual_memory().total)
     with suppress(OSError, ValueError):
-        whole = min(whole, int(Path("/sys/fs/cgroup/memory.max").read_text()))
+        whole = min(whole, int((CONTROL_GROUP / "memory.max").read_text()))
     return whole
 
 
@@ -27,10 +29,18 @@ def free_memory() -> int:
     # A container has a limit of its own, which the computer's numbers do not show.
     with suppress(OSError, ValueError):
         limit, used = (
-            int(Path(f"/sys/fs/cgroup/memory.{name}").read_text()) for name in ("max", "current")
+            int((CONTROL_GROUP / f"memory.{name}").read_text()) for name in ("max", "current")
         )
-        free = min(free, limit - used)
+        free = min(free, limit - used + _cached_files())
     return free
+
+
+def _cached_files() -> int:
+    """Return the bytes of files a container has read: counted as used, given back when wanted."""
+    with suppress(OSError, ValueError):
+        lines = (CONTROL_GROUP / "memory.stat").read_text().splitlines()
+        return int(dict(line.split() for line in lines)["inactive_file"])
+    return 0
 
 
 def check_memory(what: str, needed: float, remedy: str) -> None:

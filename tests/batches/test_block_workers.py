@@ -19,6 +19,7 @@ from typer.testing import CliRunner
 
 import napari_unpack as nu
 from napari_unpack.cli import app
+from napari_unpack.geometry.coarser_labels import halved
 from napari_unpack.io import load_labels
 from napari_unpack.io.ome_zarr import write_labels_zarr
 from napari_unpack.segmentation import large_volumes, pipeline
@@ -261,5 +262,8 @@ def test_coarser_levels_of_labels_halve_and_keep_their_ids(tmp_path: Path) -> No
     node = zarr.open_group(str(tmp_path / "labels.zarr"), mode="r")
     (scale,) = node.attrs["multiscales"]
     assert [level["path"] for level in scale["datasets"]] == ["0", "1"]
-    assert np.array_equal(node["1"][...], labels[::2, ::2, ::2])
-    assert scale["datasets"][1]["coordinateTransformations"][0]["scale"] == [4.0, 2.0, 1.0]
+    assert np.array_equal(node["1"][...], halved(labels))
+    assert scale["datasets"][1]["coordinateTransformations"] == [
+        {"type": "scale", "scale": [4.0, 2.0, 1.0]},
+        {"type": "translation", "translation": [1.0, 0.5, 0.25]},
+    ]

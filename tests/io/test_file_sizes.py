@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from napari_unpack import file_sizes
+from napari_unpack import file_sizes, memory
 from napari_unpack.file_sizes import TooLargeError, check_array, check_size
 from napari_unpack.io import Scan, load_volume, open_session, save_scan, save_session
 from napari_unpack.segmentation import Oracle
@@ -77,6 +77,19 @@ def test_memory_is_asked_for_where_there_is_less_than_twice_the_volume() -> None
     check_size("a.npy", free // 3, free)
     with pytest.raises(TooLargeError, match="GB are free"):
         check_size("a.npy", free, free)
+
+
+def test_files_a_container_has_read_leave_its_memory_free(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(memory, "CONTROL_GROUP", tmp_path)
+    (tmp_path / "memory.max").write_text("1000\n")
+    (tmp_path / "memory.current").write_text("900\n")
+    assert memory.free_memory() == 100
+    (tmp_path / "memory.stat").write_text("anon 200\nfile 700\ninactive_file 600\n")
+    assert (memory.free_memory(), memory.total_memory()) == (700, 1000)
+    (tmp_path / "memory.max").write_text("max\n")
+    assert memory.free_memory() > 1 << 24
 
 
 def _header(shape: str, version: int = 1) -> bytes:

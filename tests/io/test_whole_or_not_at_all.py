@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -255,6 +256,28 @@ def test_a_check_that_fails_keeps_the_old_file(tmp_path: Path) -> None:
         temporary.write_text("new")
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"given_ids": np.array([0, -(2**63)])}, "given_ids must be IDs from 0"),
+        ({"most_objects": 70_000}, "slots and largest_id must be at most 65535"),
+        ({"largest_id": 70_000}, "slots and largest_id must be at most 65535"),
+    ],
+)
+def test_a_session_numbered_as_none_opens_keeps_the_old_file(
+    tmp_path: Path, wrong: dict[str, Any], words: str
+) -> None:
+    ones = np.ones((4, 4, 4), np.uint16)
+    session = nu.Session(ones, ones)
+    kept = nu.save_session(session, tmp_path / "bag.unpack").read_bytes()
+    data = replace(session.label_data, **wrong)
+    rest = session.state, session.view_state, session.rules
+    odd = nu.Session.of_parts(session.volume, session.spacing, data, *rest)
+    with pytest.raises(ValueError, match=words):
+        nu.save_session(odd, tmp_path / "bag.unpack")
+    assert (tmp_path / "bag.unpack").read_bytes() == kept
 
 
 @pytest.mark.parametrize("suffix", [".nii", ".nii.gz", ".mha", ".nrrd", ".tif"])

@@ -12,7 +12,7 @@ import pytest
 import zarr
 from phantoms import ball, box, scanned
 
-from napari_unpack.segmentation import large_volumes, segment
+from napari_unpack.segmentation import large_volumes, pipeline, segment
 from napari_unpack.segmentation.common.array_source import blocks, source_of
 from napari_unpack.segmentation.common.remote_volumes import read_once
 from napari_unpack.segmentation.working_grid import reduced, reduction
@@ -261,6 +261,16 @@ def test_labels_cannot_go_just_anywhere(out, kind, words):
     truth, densities = packed_shapes()
     with pytest.raises(kind, match=words):
         segment(scanned(truth, densities), MM, out=out)
+
+
+@pytest.mark.parametrize("large", [False, True])
+def test_an_array_of_too_few_bits_for_all_objects_is_refused(monkeypatch, large):
+    volume = scanned(*packed_shapes())
+    ranked = pipeline.rank_labels
+    monkeypatch.setattr(pipeline, "rank_labels", lambda labels: 20_000 * ranked(labels))
+    out = np.zeros(volume.shape, np.int16)
+    with pytest.raises(ValueError, match=r"out of int16 cannot hold \d+0000 objects; .* int32"):
+        segment(volume, MM, working=20_000 if large else 10**7, out=out)
 
 
 @pytest.mark.parametrize("value", [3.0, np.nan])

@@ -302,6 +302,16 @@ def test_ids_above_65535_keep_the_names_people_know() -> None:
     assert_consistent(s)
 
 
+def test_new_objects_beside_the_largest_id_there_can_be_take_ids_that_were_never_given() -> None:
+    volume, labels = dumbbell()
+    s = Session(volume, np.array([0, 2, 2**63 - 1, 3])[labels])
+    s.delete(next(i for i in s.ids if s.label_of(i) == 3))
+    first = s.split(1, LEFT, RIGHT)
+    second = s.split(1, LEFT, tuple(np.argwhere(s.labels == 1)[-1]))
+    assert [s.label_of(i) for i in (first, second)] == [1, 4]
+    assert s.label_data.given_ids.tolist() == [0, 2, 3, 2**63 - 1, 1, 4]
+
+
 @pytest.mark.parametrize(
     ("a", "b", "words"),
     [((0, 0, 0), RIGHT, "a must be a voxel"), (LEFT, (5, 17, 5), "b must be a voxel"),

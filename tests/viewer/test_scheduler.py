@@ -114,6 +114,32 @@ def test_errors_go_to_the_task_s_own_handler_or_become_a_sentence(manual) -> Non
     assert told == ["division by zero", "MemoryError"]
 
 
+def test_a_task_that_ends_its_thread_is_told_and_nobody_waits_for_it(scheduler, qtbot) -> None:
+    told: list[str] = []
+    inner = scheduler.scope(told.append)
+
+    def leave(_) -> None:
+        raise SystemExit(3)
+
+    assert inner.run_modal(Task("a", leave), Worker.QUERY) is None
+    assert told == ["the work was ended by SystemExit: 3"]
+    assert inner.run_modal(constant("b", 2), Worker.QUERY) == 2
+
+
+def test_a_listener_that_raises_keeps_no_other_from_hearing(manual) -> None:
+    found: list[int] = []
+
+    def fall_short(_) -> None:
+        raise ValueError("no use for it")
+
+    for done in (found.append, fall_short, found.append):
+        manual.submit(constant("same", 5), Worker.QUERY, done, slot="question")
+    with pytest.raises(ValueError, match="no use for it"):
+        manual.finish_tasks()
+    assert found == [5, 5]
+    assert not manual.busy
+
+
 def test_progress_is_heard_on_the_main_thread_and_the_last_report_always(scheduler, qtbot) -> None:
     heard, done = [], []
 

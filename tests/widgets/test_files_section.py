@@ -206,6 +206,8 @@ def test_a_session_saved_in_the_panel_opens_as_it_was(
         assert "bag.unpack holds" in answer_about_size(qtbot, "Cancel")
         assert panel.workspace.session is None
         panel.files.open_from(path)
+        # Dropped meanwhile, another is refused, and the answer is not about it.
+        panel.files.open_from(tmp_path / "other.unpack")
         done(panel, qtbot)
         answer_about_size(qtbot, "Open")
         done(panel, qtbot)

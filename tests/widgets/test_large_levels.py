@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pytestqt.qtbot import QtBot
 
 from napari_unpack.io.napari_reader import read_layers
+from napari_unpack.io.ome_zarr import write_labels_zarr
 from napari_unpack.layers.levels import factors_of, finest_fitting, place_of_level
 from napari_unpack.widgets import layer_inputs
 from napari_unpack.widgets.layer_inputs import labels_of, volume_of, whole_labels_of
@@ -110,6 +111,22 @@ def test_the_finest_level_that_fits_is_taken_and_the_coarsest_where_none_does() 
 
 def test_levels_that_keep_or_drop_the_last_voxel_have_the_same_factors() -> None:
     assert factors_of((101, 101, 64), (51, 50, 64)) == (2, 2, 1)
+
+
+def test_coarser_labels_stand_where_their_file_says(tmp_path: Path) -> None:
+    path, labels = tmp_path / "found.zarr", np.ones((512, 4, 1), np.int32)
+    place = np.eye(4)[[2, 1, 0, 3]]
+    place[:3, 3] = 30, 20, 10
+    write_labels_zarr(path, labels, (3.0, 2.0, 1.0), place)
+    node = zarr.open_group(str(path), mode="r")
+    layer = Labels(labels, scale=(3, 2, 1), translate=(10, 20, 30))
+    levels = node.attrs["multiscales"][0]["datasets"]
+    assert [node[level["path"]].shape[0] for level in levels] == [512, 256, 128]
+    for level in levels:
+        scale, move = level["coordinateTransformations"]
+        stands = place_of_level(layer, factors_of(labels.shape, node[level["path"]].shape))
+        np.testing.assert_allclose(stands["affine"][:3, 3], move["translation"])
+        np.testing.assert_allclose(np.diag(stands["affine"])[:3], scale["scale"])
 
 
 def test_a_voxel_of_a_level_stands_in_the_middle_of_those_that_it_stands_for() -> None:

@@ -8,10 +8,11 @@ from pytestqt.qtbot import QtBot
 from qtpy.QtWidgets import QVBoxLayout, QWidget
 
 from keys import KEY, Keys
+from manual_scheduler import ManualScheduler
 from napari_unpack.tasks import Progress
 from napari_unpack.viewer.scheduler import Scheduler
 from napari_unpack.widgets.section import button
-from napari_unpack.widgets.task_progress import TaskProgress
+from napari_unpack.widgets.task_progress import SmoothBar, TaskProgress
 
 
 def test_progress_is_seen_while_it_works_and_says_that_it_stops(qtbot: QtBot) -> None:
@@ -40,6 +41,25 @@ def test_progress_is_seen_while_it_works_and_says_that_it_stops(qtbot: QtBot) ->
     assert heard.args[0].cancelled
     assert progress_bar.isHidden()
     assert not progress_bar.running
+
+
+def test_the_bar_glides_by_the_schedulers_clock_and_never_back(qtbot: QtBot) -> None:
+    scheduler = ManualScheduler()
+    bar = SmoothBar(scheduler)
+    qtbot.addWidget(bar)
+    bar.start()
+    bar.move_to(0.4)
+    seen = [bar.value()]
+    for fraction in (0.2, 0.8, 0.8, 0.1, 0.1):
+        scheduler.advance(250)
+        seen.append(bar.value())
+        bar.move_to(fraction)
+    assert seen == sorted(seen)
+    assert 0 == seen[0] < seen[1] < 400
+    assert seen[-1] == 800
+    bar.start()
+    scheduler.advance(250)
+    assert bar.value() == 0
 
 
 def test_cancel_answers_within_a_second_whatever_the_work_is_doing(qtbot: QtBot) -> None:

@@ -16,6 +16,7 @@ from numpy.typing import DTypeLike, NDArray
 from napari_unpack.atomic import holds_only
 from napari_unpack.file_sizes import TooLargeError, check_size, stored_size
 from napari_unpack.geometry.axes import Matrix
+from napari_unpack.geometry.coarser_labels import halved
 from napari_unpack.io.file_data import (
     LABELS_LEFT_OUT,
     NO_UNIT,
@@ -213,7 +214,8 @@ def labels_zarr(
     """
     zarr = needed("zarr", "writing OME-Zarr")
     node, origin = zarr.open_group(str(path), mode="w", zarr_format=2), _origin(place)
-    datasets = [_level(0, spacing, origin)]
+    factors = [1, 1, 1]
+    datasets = [_level(0, factors, spacing, origin)]
     fine = _new_level(node, 0, shape, dtype)
     yield fine
     while max(fine.shape) >= 2 * SMALLEST_LEVEL:
@@ -221,9 +223,10 @@ def labels_zarr(
         coarse = _new_level(node, number, tuple(-(-n // 2) for n in fine.shape), dtype)
         # Slab by slab, as labels may be larger than the memory.
         for z in range(0, coarse.shape[0], CHUNK):
-            # Every second voxel as it is: a mean of labels is none.
-            coarse[z : z + CHUNK] = fine[2 * z : 2 * (z + CHUNK) : 2, ::2, ::2]
-        datasets.append(_level(number, spacing, origin))
+            coarse[z : z + CHUNK] = halved(np.asarray(fine[2 * z : 2 * (z + CHUNK)]))
+        # A single voxel stays what it is.
+        factors = [f * (2 if n > 1 else 1) for f, n in zip(factors, fine.shape, strict=True)]
+        datasets.append(_level(number, factors, spacing, origin))
         fine = coarse
     axes = [{"name": axis, "type": "space", "unit": "millimeter"} for axis in SPACE]
     # Last: without them it is no image.
@@ -239,11 +242,16 @@ def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
     return tuple(min(n, CHUNK) for n in shape)
 
 
-def _level(number: int, spacing: Spacing, origin: list[float] | None) -> dict[str, Any]:
-    steps = [{"type": "scale", "scale": [mm * 2**number for mm in spacing]}]
-    if origin is not None:
-        # The first voxel of every level is that of the finest.
-        steps.append({"type": "translation", "translation": origin})
+def _level(
+    number: int, factors: list[int], spacing: Spacing, origin: list[float] | None
+) -> dict[str, Any]:
+    sides = [mm * factor for mm, factor in zip(spacing, factors, strict=True)]
+    steps = [{"type": "scale", "scale": sides}]
+    if origin is not None or number:
+        # A voxel is the middle of those that it stands for.
+        moves = [(side - mm) / 2 for side, mm in zip(sides, spacing, strict=True)]
+        first = [mm + move for mm, move in zip(origin or [0.0] * 3, moves, strict=True)]
+        steps.append({"type": "translation", "translation": first})
     return {"path": str(number), "coordinateTransformations": steps}
 
 

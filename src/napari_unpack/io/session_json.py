@@ -95,13 +95,19 @@ def _label_data_from(
     facts = object_table(volume, own, boxes, spacing, table)[list(table.columns)]
     if not np.array_equal(table.index, boxes.ids):
         raise ValueError("session.objects.ids must be those of the labels")
+    slots, largest = _numbers_of_objects(fields, boxes.ids)
+    return LabelData(own, boxes, facts, given_ids, largest, slots)
+
+
+def _numbers_of_objects(fields: Fields, ids: NDArray[np.integer[Any]]) -> tuple[int, int]:
+    """Return how many slots there are, and the largest ID there ever was."""
     # IDs of deleted objects are not given again, so the largest is kept apart.
-    slots, largest = fields.integer("slots", len(boxes.ids)), fields.integer("largest_id")
+    slots, largest = fields.integer("slots", len(ids)), fields.integer("largest_id")
     if max(slots, largest) > MOST_ID:
         raise ValueError("session.objects.slots and largest_id must be at most 65535")
-    if largest < boxes.ids[-1]:
+    if largest < ids[-1]:
         raise ValueError("session.objects.largest_id must be at least that of the labels")
-    return LabelData(own, boxes, facts, given_ids, largest, slots)
+    return slots, largest
 
 
 def _facts(fields: Fields) -> Any:
@@ -594,7 +600,11 @@ def check_record(record: Mapping[str, Any], session: Session) -> None:
         That it was made of.
     """
     fields = Fields(record, "session")
-    _facts(fields.part("objects"))
+    objects = fields.part("objects")
+    _facts(objects)
+    if objects.has("given_ids"):
+        objects.given_ids("given_ids")
+    _numbers_of_objects(objects, session.label_data.boxes.ids)
     _with_labels(fields, session.volume, session.label_data)
 
 

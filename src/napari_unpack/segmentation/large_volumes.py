@@ -16,7 +16,7 @@ from napari_unpack.memory import check_memory
 from napari_unpack.segmentation.common.array_source import Box, Source, blocks, grown, within
 from napari_unpack.segmentation.common.block_jobs import BlockJob, RunBlocks, run_on_threads
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS, Oracle
-from napari_unpack.segmentation.common.validation import Spacing, padding_of
+from napari_unpack.segmentation.common.validation import Spacing, check_room, padding_of
 from napari_unpack.segmentation.foreground.denoising import needs_denoising
 from napari_unpack.segmentation.foreground.methods import find_foreground, foreground_levels
 from napari_unpack.segmentation.foreground.scanner_table import measured_section
@@ -122,7 +122,7 @@ def segment_large(
     if out is None:
         out = np.zeros(source.shape, np.int32)
     # Before the long work, and again when thin things have added labels.
-    _check_room(out, int(labels.max()))
+    check_room(out, int(labels.max()))
     places = list(blocks(source.shape, grid.factors, BLOCK))
     unexplained = np.zeros(labels.shape, np.int32)
     # A generator: only the blocks in work are in memory.
@@ -137,7 +137,7 @@ def segment_large(
         unexplained[cells] = rest
     refining(0.9)
     things = named_things(unexplained, labels, fewest)
-    _check_room(out, int(things.max(initial=0)))
+    check_room(out, int(things.max(initial=0)))
     _recover(source, rough, things, places, out, refining.part(0.95, 1.0))
     measuring = share.part(0.9, 1.0, "Measuring objects")
     labels = np.where(things > 0, things, labels)
@@ -203,13 +203,6 @@ class _Renamed:
             return np.zeros(found.shape, np.int32)
         place = np.minimum(np.searchsorted(self.ids, found), len(self.ids) - 1)
         return np.where(self.ids[place] == found, place + 1, 0).astype(np.int32)
-
-
-def _check_room(out: Any, top: int) -> None:
-    """Refuse an array whose type cannot hold so many objects."""
-    most = np.iinfo(out.dtype).max
-    if top > most:
-        raise ValueError(f"out of {out.dtype} cannot hold {top} objects; pass one of int32")
 
 
 def _left_out(

@@ -27,6 +27,7 @@ from napari_unpack.segmentation.common.remote_volumes import read_once
 from napari_unpack.segmentation.common.validation import (
     Spacing,
     check_out,
+    check_room,
     check_smallest,
     checked_spacing,
     checked_volume,
@@ -284,6 +285,8 @@ def _segmented(
     noted = Steps()
     finding = share.part(0.0, 0.95, "Reading the volume")
     labels = _segment_grid(density, size, finding, wanted, noted)
+    if out is not None:
+        check_room(out, int(labels.max()))
     measuring = share.part(0.95, 1.0, "Measuring objects")
     with beside(partial(gather, labels, noted)) as gathered:
         table = object_table(labels, density, size, oracle, measuring)

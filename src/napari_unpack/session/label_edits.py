@@ -449,8 +449,13 @@ def _extended(given_ids: GivenIds, largest_id: int) -> GivenIds:
     if given_ids is None:
         return None
     # Above all that were ever given, so that no two objects are shown under one number.
-    fresh = np.arange(len(given_ids), largest_id + 1)
-    return np.concatenate([given_ids, given_ids.max() + 1 + np.arange(len(fresh))])
+    count, top = max(largest_id + 1 - len(given_ids), 0), int(given_ids.max())
+    fresh = np.arange(1, count + 1)
+    if top <= np.iinfo(np.int64).max - count:
+        return np.concatenate([given_ids, top + fresh])
+    # There are no larger ones: the smallest that were never given.
+    unused = np.setdiff1d(np.arange(1, len(given_ids) + count + 1), given_ids)
+    return np.concatenate([given_ids, unused[:count]])
 
 
 def _is_shown(

@@ -149,7 +149,7 @@ def arrange(
     Raises
     ------
     ValueError
-        If an argument is not positive.
+        If `count` is negative, or the radius or the window's size is not positive.
 
     Notes
     -----

@@ -25,13 +25,14 @@ from napari_unpack.viewer.process_end import end_despite_workers
 
 T = TypeVar("T")
 Call = Callable[[], None]
+Done = Callable[[Any], None]
+Failed = Callable[[Exception], None] | None
 
 # About sixty animation frames a second, as screens show them.
 FRAME_MS = 16
 
 # Progress is passed on no more often: more would only fill the event queue.
 PROGRESS_SECONDS = 1 / 30
-
 
 # For those who come after a closed owner whose task runs on: few ever close so fast.
 SPARE_THREADS = 4
@@ -137,7 +138,7 @@ class Job:
     slot: Hashable
     task: Task[Any]
     progress: Callable[[float, str], None] | None
-    listeners: list[tuple[Callable[[Any], None], Callable[[Exception], None] | None]]
+    listeners: list[tuple[Done, Failed]]
     stopping: threading.Event = field(default_factory=threading.Event)
 
     def run(self, report: Callable[[Job, float, str], None]) -> TaskResult[Any]:
@@ -157,6 +158,11 @@ class Job:
             return TaskResult(result=self.task.run(progress))
         except Exception as error:
             return TaskResult(error=error)
+        except BaseException as error:
+            # Of a library that ends its program, or of Rust: whoever waits is to hear of it.
+            ended = RuntimeError(f"the work was ended by {type(error).__name__}: {error}")
+            ended.__cause__ = error
+            return TaskResult(error=ended)
 
 
 class _Workers(Protocol):
@@ -244,13 +250,12 @@ class ThreadWorkers:
         if not waits():
             return
         # With mouse and keys a second command could begin within the first.
-        flags = QEventLoop.ProcessEventsFlag.ExcludeUserInputEvents
+        kinds = QEventLoop.ProcessEventsFlag
+        flags = kinds.ExcludeUserInputEvents | kinds.WaitForMoreEvents
         QGuiApplication.setOverrideCursor(Qt.CursorShape.WaitCursor)
         try:
             while waits():
-                QCoreApplication.processEvents(
-                    flags | QEventLoop.ProcessEventsFlag.WaitForMoreEvents
-                )
+                QCoreApplication.processEvents(flags)
         finally:
             QGuiApplication.restoreOverrideCursor()
 
@@ -409,9 +414,8 @@ class Scheduler:
         worker : Worker, optional
             By default any.
         """
-        return any(
-            job.slot == slot and worker in (None, job.worker) for job in self._workers.jobs(self)
-        )
+        jobs = self._workers.jobs(self)
+        return any(job.slot == slot and worker in (None, job.worker) for job in jobs)
 
     def submit(
         self,
@@ -496,16 +500,21 @@ class Scheduler:
         job : Job
         result : TaskResult
         """
-        for done, failed in job.listeners:
-            # A listener may close the scheduler.
-            if self.closed:
-                return
-            if result.error is None:
-                done(result.result)
-            elif failed is not None:
-                failed(result.error)
-            elif self._failed is not None and not result.cancelled:
-                self._failed(str(result.error) or type(result.error).__name__)
+        # All hear of it in turn, also where one of them raises an error.
+        with contextlib.ExitStack() as stack:
+            for listener in reversed(job.listeners):
+                stack.callback(self._tell, result, *listener)
+
+    def _tell(self, result: TaskResult[Any], done: Done, failed: Failed) -> None:
+        # A listener may close the scheduler.
+        if self.closed:
+            return
+        if result.error is None:
+            done(result.result)
+        elif failed is not None:
+            failed(result.error)
+        elif self._failed is not None and not result.cancelled:
+            self._failed(str(result.error) or type(result.error).__name__)
 
     # Timers.
 
@@ -681,9 +690,7 @@ class Scheduler:
             # Long work stops at its next report; the process ends without it if it must.
             job.stopping.set()
             self._workers.drop(job)
-        for timer in self._debounced.values():
+        idle = (phase.timer for phase in self._idle.values())
+        for timer in (*self._debounced.values(), *idle, self._frames):
             timer.stop()
         self._debounced.clear()
-        for idle in self._idle.values():
-            idle.timer.stop()
-        self._frames.stop()

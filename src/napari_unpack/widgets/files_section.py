@@ -261,7 +261,7 @@ class FilesSection(Section):
         self._names = FileNames()
         self._then: Callable[[Any], None] = lambda result: None
         self._failed: Call = lambda: None
-        self._again: Call = lambda: None
+        self._again: Call | None = None
         self.open = button("Open session…", "Continue a saved session.")
         self.save = button("Save session…", "Save everything, to continue another day.")
         self.export = button(
@@ -390,8 +390,8 @@ class FilesSection(Section):
 
     def _read(self, path: Path, name: str, then: Callable[[_Opened], None]) -> None:
         def begin(large: bool) -> None:
-            self._begin(partial(_opened, path, large), then, self._unsaved.take_back)
-            self._again = partial(begin, True)
+            work, again = partial(_opened, path, large), partial(begin, True)
+            self._begin(work, then, self._unsaved.take_back, again)
 
         # Before it is read, so that nobody waits to be asked; and after, for changes meanwhile.
         self._unsaved.ask(f"Opening {name} ends it.", partial(begin, False))
@@ -459,13 +459,14 @@ class FilesSection(Section):
         work: Callable[[Progress], Any],
         then: Callable[[Any], None],
         failed: Call = lambda: None,
+        again: Call | None = None,
     ) -> None:
         # A second file would hide the progress of the first.
         if self.progress.running:
             notifications.inform(BUSY)
             failed()
             return
-        self._then, self._failed = then, failed
+        self._then, self._failed, self._again = then, failed, again
         # What was done before would be read as what came of this.
         self.set_status("")
         self.progress.begin(work)
@@ -475,7 +476,7 @@ class FilesSection(Section):
         self._refresh()
         if outcome.error is not None:
             self._failed()
-        if isinstance(outcome.error, TooLargeError):
+        if isinstance(outcome.error, TooLargeError) and self._again is not None:
             ask_about_size(self.window(), outcome.error, self._again)
         elif not outcome.cancelled:
             # A format may need a package that is not installed.

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from qtpy.QtCore import QEasingCurve, QPropertyAnimation, Qt, Signal
+from qtpy.QtCore import QEasingCurve, Qt, Signal
 from qtpy.QtWidgets import QAbstractButton, QHBoxLayout, QProgressBar, QWidget
 
 from napari_unpack.tasks import Cancelled, Progress, Task, TaskResult
@@ -18,39 +18,55 @@ from napari_unpack.widgets.section import button, column, label, scroll_to_new
 STEPS = 1000
 
 # About the time between two reports of a segmentation, so that the bar hardly ever stands.
-GLIDE_MS = 400
+GLIDE_SECONDS = 0.4
 
 # Cancel is over after this, whatever the work is doing then: within a second for a person.
 PATIENCE_MS = 700
 
 
 class SmoothBar(QProgressBar):
-    """Moves smoothly to the share done; never back, never ahead of it."""
+    """Moves smoothly to the share done; never back, never ahead of it.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    scheduler : Scheduler
+        Whose frames it moves with.
+    """
+
+    def __init__(self, scheduler: Scheduler) -> None:
         super().__init__()
         self.setTextVisible(False)
         self.setRange(0, STEPS)
-        self._glide = QPropertyAnimation(self, b"value", self)
-        self._glide.setDuration(GLIDE_MS)
-        self._glide.setEasingCurve(QEasingCurve.Type.OutCubic)
+        self._glide = scheduler.animate(self._tick)
+        # Not at rest when it begins: the next report comes before it would be fast.
+        self._easing = QEasingCurve(QEasingCurve.Type.OutCubic)
+        self._start, self._target, self._begun = 0, 0, 0.0
 
     def start(self) -> None:
         """Begin again at 0."""
-        self._glide.stop()
-        self._glide.setEndValue(0)
+        self.stop()
+        self._target = 0
         self.setValue(0)
+
+    def stop(self) -> None:
+        """Stay where it is."""
+        self._glide.stop()
 
     def move_to(self, fraction: float) -> None:
         """Move towards the share done, in [0, 1]; a smaller one than before is ignored."""
         target = round(STEPS * fraction)
-        if target <= int(self._glide.endValue() or 0):
+        if target <= self._target:
             return
         # From where the bar is now, which an earlier move may not have reached.
-        self._glide.stop()
-        self._glide.setStartValue(self.value())
-        self._glide.setEndValue(target)
+        self._start, self._target, self._begun = self.value(), target, self._glide.now()
         self._glide.start()
+
+    def _tick(self, now: float) -> None:
+        share = min((now - self._begun) / GLIDE_SECONDS, 1.0)
+        way = self._easing.valueForProgress(share) * (self._target - self._start)
+        self.setValue(self._start + round(way))
+        if share == 1.0:
+            self.stop()
 
 
 class TaskProgress(KeepsKeyboard, QWidget):
@@ -85,7 +101,7 @@ class TaskProgress(KeepsKeyboard, QWidget):
         self._slot = object()
         self.next_steps: tuple[QWidget, ...] = ()
         self._began_it: QWidget | None = None
-        self.bar = SmoothBar()
+        self.bar = SmoothBar(scheduler)
         self.text = label("", "hint", wrap=True)
         self.cancel = button("Cancel", promise)
         self.cancel.setAccessibleName(f"Cancel: {step}")
@@ -170,6 +186,7 @@ class TaskProgress(KeepsKeyboard, QWidget):
         # From now on nothing runs here, though the task may.
         self._slot = object()
         stayed = self.window().focusWidget() in (self, self.cancel)
+        self.bar.stop()
         self.hide()
         self.ended.emit(outcome)
         if stayed and self._began_it is not None:

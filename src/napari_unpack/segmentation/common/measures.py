@@ -296,13 +296,18 @@ def _level_area(voxels, kinds, density, jumps, areas, level):  # type: ignore[no
 def chamfer_depth(
     mask: NDArray[np.bool_], spacing: tuple[float, float, float]
 ) -> NDArray[np.float32]:
-    """Return the shortest way out over the 26 neighbours, mm; at most 13 % above the Euclidean.
+    """Return the shortest way out over the 26 neighbours, mm.
 
     Parameters
     ----------
     mask : (Z, Y, X) ndarray of bool
         What lies beyond the box is outside.
     spacing : (float, float, float) of mm, z y x
+
+    Notes
+    -----
+    At most 13 % above the Euclidean distance where voxels are cubes, and more where they are not:
+    20 % was measured at 2 : 1 : 1, 37 % at 8 : 1 : 1.
     """
     # `edt.edt` is exact and no slower, but the shipped oracle was trained on these depths: with
     # others its features, and so every confidence, would shift.

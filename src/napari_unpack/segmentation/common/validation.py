@@ -265,6 +265,24 @@ def check_out(out: Any, volume: Any, shape: tuple[int, int, int]) -> None:
         raise ValueError("out must be another array than the volume, which it would overwrite")
 
 
+def check_room(out: Any, top: int) -> None:
+    """Refuse an array whose type cannot hold so many objects.
+
+    Parameters
+    ----------
+    out : array of int
+    top : int
+        The largest label.
+
+    Raises
+    ------
+    ValueError
+        If it is above what the type holds.
+    """
+    if top > np.iinfo(out.dtype).max:
+        raise ValueError(f"out of {out.dtype} cannot hold {top} objects; pass one of int32")
+
+
 def _place_of(array: Any) -> Any:
     """Return where values lie: the file of a memory map, the store and path of a Zarr array."""
     store, path, base = getattr(array, "store", None), getattr(array, "path", ""), array
