@@ -12,14 +12,12 @@ from napari_unpack.segmentation.common.validation import Spacing
 
 # Voxels that four times the mean depth of a fold, the thickness of a plate, is at most.
 LAYERS = 6.0
+# Folds are less than this share of the foreground where thin light parts are walls and sheets.
+PREVALENCE = 0.25
 
 
 def bundle_folds(
-    parts: NDArray[np.int32],
-    density: NDArray[np.generic],
-    spacing: Spacing,
-    light: float,
-    prevalence: float = 0.25,
+    parts: NDArray[np.int32], density: NDArray[np.generic], spacing: Spacing, light: float
 ) -> NDArray[np.int32]:
     """Give folds that lie against each other one label.
 
@@ -31,9 +29,6 @@ def bundle_folds(
     spacing : (float, float, float) of mm, z y x
     light : float
         The mean density of a fold is at most this.
-    prevalence : float
-        Nothing is done where folds are less than this share of the foreground: elsewhere thin
-        light parts are walls and sheets.
 
     Returns
     -------
@@ -48,7 +43,7 @@ def bundle_folds(
     mean = label_means(parts, np.nan_to_num(density.astype(np.float32)))
     fold = (thickness <= LAYERS * float(np.cbrt(np.prod(spacing)))) & (mean <= light)
     fold[0] = False
-    if not fold.any() or np.bincount(flat)[fold].sum() < prevalence * np.count_nonzero(flat):
+    if not fold.any() or np.bincount(flat)[fold].sum() < PREVALENCE * np.count_nonzero(flat):
         return parts
     folds = fold[parts]
     bundles = cc3d.connected_components(_grown(folds), connectivity=6)
