@@ -161,7 +161,7 @@ def _gl_ways(
     rays, boxes = off_faces(rays_for(camera.orthographic(), size, MM)), label_boxes(labels)
     return (
         lambda: gl_backend.first_hits(labels, rays, visible, boxes, bricks),
-        lambda: gl_backend.occlusion_counts(labels, rays, visible, bricks, "atomics"),
+        lambda: gl_backend.counts_by_atomics(labels, rays, visible, bricks),
     )
 
 

@@ -14,7 +14,6 @@ from napari_unpack.geometry.transforms import (
     rotation_about,
     slerp,
     translation,
-    unpacking_displacement,
 )
 from napari_unpack.geometry.view import Camera, View
 
@@ -27,27 +26,18 @@ def a_camera(direction=(0.3, -0.5, 0.8), fov=0.0) -> Camera:
     return View(direction=direction, fov=fov).camera((40, 50, 60), (1.0, 2.0, 0.5))
 
 
-def test_equation_4_worked_by_hand() -> None:
-    # M scales voxels of (2, 1, 1) mm to world; V moves the world by (10, 0, -5). The object's
-    # box centre is o = (3, 4, 5) voxels: at V M o = (16, 4, 0) in camera coordinates.
-    # To bring it to u = (20, 0, 10), the voxel (VM)^-1 u = ((20 - 10) / 2, 0, 10 + 5)
-    # = (5, 0, 15) must be where o was: t = (5, 0, 15) - (3, 4, 5) = (2, -4, 10).
-    model = np.diag([2.0, 1.0, 1.0, 1.0])
-    view = translation((10, 0, -5))
-    t = unpacking_displacement(view, model, (3, 4, 5), (20, 0, 10))
-    np.testing.assert_allclose(t, (2, -4, 10))
-
-
-@given(offset=triples, target=triples, axis_angle=st.tuples(angles, angles), move=triples)
-def test_the_moved_box_centre_lands_on_u_by_equation_3(offset, target, axis_angle, move) -> None:
-    view = translation(move)
-    view[:3, :3] = rotation_about((1, 2, -1), axis_angle[0]) @ rotation_about(
-        (0, 1, 0), axis_angle[1]
-    )
+@given(offset=triples, target=triples, direction=st.tuples(angles, angles))
+def test_a_pose_that_keeps_the_turn_of_the_bag_is_moved_by_equation_4(
+    offset, target, direction
+) -> None:
+    camera = a_camera((4.0, *direction))
     model = np.diag([0.8, 1.5, 2.0, 1.0])
-    t = unpacking_displacement(view, model, offset, target)
-    moved = transform_points(view @ model @ translation(t), offset)
-    np.testing.assert_allclose(moved, target, atol=1e-6)
+    inverse = np.linalg.inv(camera.pivot_from_world() @ model)
+    # t = (V M)^-1 u - o in voxels, applied right of M.
+    t = transform_points(inverse, target) - offset
+    pose = Pose(np.array(target), camera.rotation)
+    moved = pose.world_from_world(transform_points(model, offset), camera)
+    np.testing.assert_allclose(moved @ model, model @ translation(t), atol=1e-6)
 
 
 @given(center=triples, box=triples, angle=angles, scale=st.floats(0.1, 5))

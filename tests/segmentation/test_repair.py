@@ -58,19 +58,3 @@ def test_the_difference_is_found_and_only_that():
     assert len(edit.where) == 4
     assert np.array_equal(edit.apply(one), two)
     assert difference(one, one.copy()) is None
-
-
-@pytest.mark.parametrize(
-    ("repair", "words"),
-    [
-        (lambda a, b: merge_objects(a, b, [1]), "at least two"),
-        (lambda a, b: delete_objects(a, b, []), "at least one"),
-        (lambda a, b: delete_objects(a, b, [1, 2]), "leave at least one"),
-        (lambda a, b: split_between(a, b, a, (1, 1, 1), (0, 0, 0), (0, 0, 3), 9), "one object"),
-        (lambda a, b: split_between(a, b, a, (1, 1, 1), (0, 0, 2), (0, 0, 3), 9), "a must be"),
-    ],
-)
-def test_what_cannot_be_repaired_is_refused(repair, words):
-    labels = row(1, 1, 0, 2)
-    with pytest.raises(ValueError, match=words):
-        repair(labels, label_boxes(labels))

@@ -115,6 +115,8 @@ def test_merge_keeps_the_largest_and_delete_leaves_background() -> None:
     assert_consistent(s)
     with pytest.raises(ValueError, match="at least one"):
         s.delete([3])
+    with pytest.raises(ValueError, match="at least two"):
+        s.merge([3, 3])
     s.undo()
     s.undo()
     assert np.array_equal(s.labels, dumbbell()[1])

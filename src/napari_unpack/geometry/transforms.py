@@ -115,7 +115,8 @@ class Pose:
         Notes
         -----
         Li et al. 2012, eq. 3, w = V T M v. V is the camera's pivot map here, M the
-        identity since the bag's world is the world.
+        identity since the bag's world is the world. Of a pose that keeps the camera's rotation
+        it is the displacement of eq. 4, on the world's side of M (docs/paper.md, R7).
         """
         return np.linalg.inv(camera.pivot_from_world()) @ self.pivot_from_world(box_center)
 
@@ -223,32 +224,3 @@ def packed_pose(box_center: ArrayLike, camera: Camera, offset: ArrayLike = (0, 0
     moved = np.asarray(box_center, dtype=np.float64) + np.asarray(offset, dtype=np.float64)
     center = transform_points(camera.pivot_from_world(), moved)
     return Pose(center, camera.rotation.copy(), stretch=camera.stretch)
-
-
-def unpacking_displacement(
-    view: Matrix, model: Matrix, offset: ArrayLike, target: ArrayLike
-) -> NDArray[np.float64]:
-    """Return the displacement in volume coordinates that brings an object's centre to u.
-
-    Parameters
-    ----------
-    view, model : (4, 4) ndarray of float64
-        V (world to camera) and M (volume to world) of eq. 3.
-    offset : (3,) array_like
-        o, the object's box centre, in volume coordinates.
-    target : (3,) array_like
-        u, where the centre shall be, in camera coordinates.
-
-    Returns
-    -------
-    (3,) ndarray of float64
-        t, to be applied right of M: w = V T M Trans(t) v.
-
-    Notes
-    -----
-    Li et al. 2012, eq. 4, T' = (V M)^-1 (u - V M o), read as points with w = 1, that is
-    t = (V M)^-1 u - o. Deviation: the paper writes T' on the world side of M in eq. 3 but
-    gives it in volume coordinates; we apply it right of M (docs/paper.md, R7).
-    """
-    inverse: NDArray[np.float64] = np.linalg.inv(view @ model).astype(np.float64)
-    return transform_points(inverse, target) - np.asarray(offset, dtype=np.float64)

@@ -78,15 +78,8 @@ def split_between(
         Two voxels of one object.
     new_id : int
         The smaller part's; the larger keeps the object's.
-
-    Raises
-    ------
-    ValueError
-        If the voxels are not two of one object.
     """
-    one, two = (_label_at(labels, point, name) for point, name in ((a, "a"), (b, "b")))
-    if one != two:
-        raise ValueError(f"a and b must lie in one object, got objects {one} and {two}")
+    one = int(labels[tuple(np.asarray(a).astype(int))])
     box = boxes.slices(one)
     first = np.array([part.start for part in box])
     mask = labels[box] == one
@@ -108,18 +101,9 @@ def merge_objects(labels: Labels, boxes: LabelBoxes, ids: Iterable[int]) -> Labe
     labels : (Z, Y, X) ndarray of int
     boxes : LabelBoxes
     ids : iterable of int
-        Objects.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two.
+        Objects, two or more.
     """
-    chosen = sorted(set(ids))
-    if len(chosen) < 2:
-        raise ValueError(f"ids must name at least two objects to merge, got {chosen}")
-    kept = max(chosen, key=lambda i: (int(boxes.counts[boxes.index(i)]), -i))
-    others = [i for i in chosen if i != kept]
+    kept, *others = sorted(ids, key=lambda i: (-int(boxes.counts[boxes.index(i)]), i))
     box = boxes.around(others)
     return _relabel(labels, box, np.isin(labels[box], others), kept)
 
@@ -129,18 +113,12 @@ def delete_objects(labels: Labels, boxes: LabelBoxes, ids: Iterable[int]) -> Lab
 
     Parameters
     ----------
-    labels, boxes, ids : see `merge_objects`
-
-    Raises
-    ------
-    ValueError
-        If none is given, or none would be left.
+    labels : (Z, Y, X) ndarray of int
+    boxes : LabelBoxes
+    ids : iterable of int
+        Objects, one or more.
     """
-    chosen = sorted(set(ids))
-    if not chosen:
-        raise ValueError("ids must name at least one object to delete, got none")
-    if len(chosen) == len(boxes.ids):
-        raise ValueError("ids must leave at least one object, got all of them")
+    chosen = list(ids)
     box = boxes.around(chosen)
     return _relabel(labels, box, np.isin(labels[box], chosen), 0)
 
@@ -196,12 +174,3 @@ def _relabel(labels: Labels, box: Box, mask: NDArray[np.bool_], label: int) -> L
     where = np.flatnonzero(mask)
     before = labels[box][mask]
     return LabelEdit(box, where, before, np.full(len(where), label, labels.dtype))
-
-
-def _label_at(labels: Labels, point: Sequence[int], name: str) -> int:
-    spot = np.asarray(point)
-    inside = spot.shape == (3,) and bool(((spot >= 0) & (spot < labels.shape)).all())
-    label = int(labels[tuple(spot.astype(int))]) if inside else 0
-    if not label:
-        raise ValueError(f"{name} must be a voxel (z, y, x) of an object, got {point}")
-    return label

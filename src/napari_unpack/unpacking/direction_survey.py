@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from napari_unpack.geometry.axes import Vector
 from napari_unpack.geometry.occlusion_counts import OcclusionCounts
@@ -108,12 +108,9 @@ class DirectionalBlocking:
         The ancestors of the target in the directional blocking graph: the least set, and the
         only minimal one.
         """
-        reached: Mask = self.ids == target
-        while True:
-            grown: Mask = reached | self.blocks[:, reached].any(axis=1)
-            if (grown == reached).all():
-                return frozenset(int(i) for i in self.ids[reached])
-            reached = grown
+        start = int(np.flatnonzero(self.ids == target)[0])
+        found = breadth_first_order(csr_array(self.blocks.T), start, return_predecessors=False)
+        return frozenset(self.ids[found].tolist())
 
 
 @dataclass(frozen=True, eq=False)

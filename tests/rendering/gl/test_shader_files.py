@@ -60,7 +60,6 @@ def test_a_shader_stays_within_glsl_120(path):
         ("tinted_volume.glsl", "fullscreen.vert", {"SHADED": 1}),
         ("object_id.glsl", "fullscreen.vert", {"FOUND": 0}),
         ("object_id.glsl", "fullscreen.vert", {"FOUND": 7}),
-        ("label_runs.frag", "fullscreen.vert", {}),
         ("occluded_first_hit.frag", "fullscreen.vert", {}),
         ("quad.frag", "quad.vert", {}),
     ],

@@ -110,9 +110,7 @@ class Bricks:
 
     def inhabited(self, visible: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Tell which bricks hold a voxel of a visible object; (Bz, By, Bx) of bool."""
-        out = np.zeros(self.low.shape, np.bool_)
-        _inhabited(self.starts, self.ids, visible, out)
-        return out
+        return self.owners(visible) != 0
 
     def owners(self, visible: NDArray[np.bool_]) -> NDArray[np.int32]:
         """Tell which bricks show one object only, and which nothing, (Bz, By, Bx) int32.
@@ -321,16 +319,6 @@ def _occupied(low, high, starts, ids, opaque, lo, hi, seen, out):  # type: ignor
             continue
         for i in range(starts[b], starts[b + 1]):
             if seen[ids[i]]:
-                grid[b] = True
-                break
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _inhabited(starts, ids, visible, out):  # type: ignore[no-untyped-def]
-    grid = out.reshape(-1)
-    for b in range(grid.shape[0]):
-        for i in range(starts[b], starts[b + 1]):
-            if visible[ids[i]]:
                 grid[b] = True
                 break
 

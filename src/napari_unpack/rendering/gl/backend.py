@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import weakref
 from functools import cache
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import networkx as nx
 import numpy as np
@@ -27,15 +27,12 @@ from napari_unpack.rendering.gl.interference_pass import InterferencePass
 from napari_unpack.rendering.gl.object_id_pass import LAYERS_A_PASS, MOST_LAYERS, ObjectIdPass
 from napari_unpack.rendering.gl.occlusion_atomics import OcclusionAtomics, RayTooCrowdedError
 from napari_unpack.rendering.gl.occlusion_queries import MOST_QUERIED, FirstHits, OcclusionQueries
-from napari_unpack.rendering.gl.occlusion_runs import OcclusionPass, counts_of_runs
 from napari_unpack.rendering.gl.programs import ShaderError
 from napari_unpack.rendering.gl.textures import Density, VolumeTextures
 from napari_unpack.rendering.gl.tinted_pass import Appearance, TintedPass
 
 if TYPE_CHECKING:
     from napari_unpack.rendering.cpu import Bricks
-
-CountingMethod = Literal["auto", "atomics", "runs"]
 
 
 def id_layers(
@@ -82,7 +79,6 @@ def occlusion_counts(
     rays: Rays,
     visible: NDArray[np.bool_],
     bricks: Bricks | None = None,
-    method: CountingMethod = "auto",
 ) -> OcclusionCounts:
     """Count how much of every object is hidden by others; see `rendering.cpu.occlusion_counts`.
 
@@ -90,38 +86,51 @@ def occlusion_counts(
     ----------
     labels, rays, visible, bricks
         As there.
-    method : {"auto", "atomics", "runs"}
-        One pass with atomic counters (OpenGL 4.3, 4096 objects, 96 on a ray), or run lengths
-        added up by numpy; "auto" takes the first where it can.
 
     Raises
     ------
     RuntimeError
-        If there is no offscreen GL, or not the method asked for, with the reason.
+        If there is no offscreen GL, with the reason.
+
+    Notes
+    -----
+    The CPU counts where the driver is older than OpenGL 4.3, there are more than 4096 objects,
+    or a ray meets more than 96.
+    """
+    from napari_unpack.rendering.cpu import occlusion_counts as counts_on_cpu
+
+    with offscreen.context().use():
+        if compute_program.supported() and np.count_nonzero(visible) <= MOST_IN_TABLE:
+            try:
+                return counts_by_atomics(labels, rays, visible, bricks)
+            except (RayTooCrowdedError, ShaderError):
+                pass
+    return counts_on_cpu(labels, rays, visible, bricks)
+
+
+def counts_by_atomics(
+    labels: NDArray[np.uint16],
+    rays: Rays,
+    visible: NDArray[np.bool_],
+    bricks: Bricks | None = None,
+) -> OcclusionCounts:
+    """Count occlusion in one pass with atomic counters, within the limits of the shader.
+
+    Parameters
+    ----------
+    labels, rays, visible, bricks
+        As for `occlusion_counts`; at most 4096 visible objects.
+
+    Raises
+    ------
+    RuntimeError
+        If there is no offscreen GL with OpenGL 4.3, or a ray meets more than 96 objects.
     """
     with offscreen.context().use():
         workspace = workspace_here()
         occupied = None if bricks is None else bricks.inhabited(visible)
         textures = workspace.textures(labels, None)
-        if method == "atomics" or (
-            method == "auto"
-            and np.count_nonzero(visible) <= MOST_IN_TABLE
-            and compute_program.supported()
-        ):
-            try:
-                return workspace.atomics.count(textures, rays, visible, occupied)
-            # The other method has no such limits.
-            except (RayTooCrowdedError, ShaderError):
-                if method == "atomics":
-                    raise
-        ids, samples = workspace.occlusion.runs(
-            (workspace.run_targets[0].get(rays.size), workspace.run_targets[1].get(rays.size)),
-            textures,
-            rays,
-            visible,
-            occupied,
-        )
-    return counts_of_runs(ids, samples, visible)
+        return workspace.atomics.count(textures, rays, visible, occupied)
 
 
 def interference(ids: NDArray[np.integer], distance: float = 5) -> nx.Graph:
@@ -266,14 +275,12 @@ class Workspace:
     def __init__(self) -> None:
         self.ids = ObjectIdPass()
         self.tinted = TintedPass()
-        self.occlusion = OcclusionPass()
         self.atomics = OcclusionAtomics()
         self.queries = OcclusionQueries()
         self.interference = InterferencePass()
         # One for each pass of as many layers as there may be.
         self.id_targets = [Targets((4,)) for _ in range(MOST_LAYERS // LAYERS_A_PASS)]
         self.counting_targets = Targets((1,), keep=1)
-        self.run_targets = [Targets(OcclusionPass.channels, keep=1) for _ in range(2)]
         self.tinted_targets = Targets(TintedPass.channels)
         self.memory = HostMemory()
         self._kept: dict[tuple[int, int], tuple[Any, Any, VolumeTextures]] = {}

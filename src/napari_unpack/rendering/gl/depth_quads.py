@@ -25,7 +25,6 @@ from napari_unpack.geometry.axes import Matrix, flip_matrix
 from napari_unpack.geometry.view import Camera
 from napari_unpack.rendering.gl import formats
 from napari_unpack.rendering.gl.framebuffer import NO_DEPTH, forget_complaints, namespace
-from napari_unpack.rendering.gl.memory import PICTURES, TABLES, memory_counter
 from napari_unpack.rendering.gl.programs import Programs, ShaderError, compiled, load
 
 PictureArray = NDArray[np.float32] | NDArray[np.uint8]
@@ -114,13 +113,12 @@ class ImageTexture:
         if own is not None and own.shape[:2] == array.shape[:2] and own.internalformat == internal:
             own.set_data(array)
             return own
-        made = Texture2D(
+        return Texture2D(
             array,
             format="rgba" if base == "rgba" else "red",
             internalformat=internal,
             interpolation="linear" if base == "rgba" else "nearest",
         )
-        return memory_counter().enter(PICTURES, made)
 
 
 def _checked(
@@ -432,9 +430,9 @@ class QuadsVisual(Visual):  # type: ignore[misc]
         program = self._programs.kept("quad", lambda: compiled("quad.frag", vertex="quad.vert"))
         if namespace() not in self._blanks:
             corners = np.array([[0, 0], [0, 1], [1, 0], [1, 1]], dtype=np.float32)
-            program["a_corner"] = memory_counter().enter(TABLES, gloo.VertexBuffer(corners))
+            program["a_corner"] = gloo.VertexBuffer(corners)
             blank = gloo.Texture2D(np.zeros((1, 1, 4), np.uint8), internalformat="rgba8")
-            self._blanks[namespace()] = memory_counter().enter(TABLES, blank)
+            self._blanks[namespace()] = blank
         return program
 
     def _set(

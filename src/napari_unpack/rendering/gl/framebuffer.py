@@ -17,7 +17,6 @@ from vispy import gloo
 from vispy.gloo.context import GLContext, get_current_canvas
 
 from napari_unpack.rendering.gl.host_memory import HostMemory
-from napari_unpack.rendering.gl.memory import TARGETS, memory_counter
 
 # Depth of a pixel that never became opaque, mm; the twin of shaders/lib/no_depth.glsl.
 NO_DEPTH = 1.0e30
@@ -126,18 +125,16 @@ class Target:
     def delete(self) -> None:
         """Free the frame buffer and its textures."""
         self.framebuffer.delete()
-        memory_counter().strike(*self.textures)
         for texture in self.textures:
             texture.delete()
 
     def _texture(self, channels: int, smooth: bool) -> gloo.Texture2D:
-        made = gloo.Texture2D(
+        return gloo.Texture2D(
             (*self.size, channels),
             format="rgba" if channels == 4 else "red",
             internalformat="rgba32f" if channels == 4 else "r32f",
             interpolation="linear" if smooth else "nearest",
         )
-        return memory_counter().enter(TARGETS, made)
 
 
 class Targets:

@@ -6,8 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 from vispy import gloo
 
-from napari_unpack.rendering.gl.memory import TABLES, memory_counter
-
 # Texels a row of an ID table; the twin of table_row in shaders/lib/label_lookup.glsl.
 WIDTH = 256
 
@@ -70,5 +68,4 @@ class TransferTable:
 
 
 def _table(values: NDArray[np.float32]) -> gloo.Texture2D:
-    made = gloo.Texture2D(values, format="rgba", internalformat="rgba32f", interpolation="nearest")
-    return memory_counter().enter(TABLES, made)
+    return gloo.Texture2D(values, format="rgba", internalformat="rgba32f", interpolation="nearest")

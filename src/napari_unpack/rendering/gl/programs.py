@@ -16,7 +16,6 @@ import numpy as np
 from vispy import gloo
 
 from napari_unpack.rendering.gl.framebuffer import current_context, namespace
-from napari_unpack.rendering.gl.memory import TABLES, memory_counter
 
 INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
 # Line n of the i-th file is numbered i * STRIDE + n: drivers and vispy keep numbers, not names.
@@ -163,8 +162,7 @@ def compiled(
     program = linked(vert, frag)
     if "a_position" in program:
         corners = [[-1, -1], [-1, 1], [1, -1], [1, 1]]
-        buffer = gloo.VertexBuffer(np.array(corners, dtype=np.float32))
-        program["a_position"] = memory_counter().enter(TABLES, buffer)
+        program["a_position"] = gloo.VertexBuffer(np.array(corners, dtype=np.float32))
     return program
 
 

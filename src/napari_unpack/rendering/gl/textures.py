@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from vispy import gloo
 
 from napari_unpack.rendering.gl.framebuffer import current_context
-from napari_unpack.rendering.gl.memory import DENSITY, LABELS, memory_counter
 from napari_unpack.rendering.gl.voxel_buffer import VoxelBuffer, serves_best
 
 Density = NDArray[np.uint16] | NDArray[np.float32]
@@ -98,7 +97,7 @@ class VolumeTextures:
                 self.uploads += 1
                 self.density = VoxelBuffer(self.shape, volume.dtype.name)
             else:
-                self.density = self._begun(DENSITY, internal, "linear")
+                self.density = self._begun(internal, "linear")
             self._queue(self.density, volume, self._everything())
 
     @property
@@ -166,7 +165,6 @@ class VolumeTextures:
             old = self.labels
             self._waiting = deque(w for w in self._waiting if w[0] is not old)
             self._begin_labels(labels, most)
-            memory_counter().strike(old)
             old.delete()
             return
         # Pieces of the labels before that still wait are of these labels now.
@@ -184,7 +182,6 @@ class VolumeTextures:
         self._waiting.clear()
         for texture in (self.labels, self.density):
             if texture is not None:
-                memory_counter().strike(texture)
                 texture.delete()
 
     def _everything(self) -> Box:
@@ -192,15 +189,14 @@ class VolumeTextures:
         return slice(0, depth), slice(0, height), slice(0, width)
 
     def _begin_labels(self, labels: NDArray[np.uint16], most: int) -> None:
-        self.labels = self._begun(LABELS, "r8" if most <= 255 else "r16", "nearest")
+        self.labels = self._begun("r8" if most <= 255 else "r16", "nearest")
         self._queue(self.labels, labels, self._everything())
 
-    def _begun(self, purpose: str, internal: str, filtering: str) -> gloo.Texture3D:
+    def _begun(self, internal: str, filtering: str) -> gloo.Texture3D:
         self.uploads += 1
-        texture = gloo.Texture3D(
+        return gloo.Texture3D(
             self.grid, format="red", internalformat=internal, interpolation=filtering
         )
-        return memory_counter().enter(purpose, texture)
 
     def _queue(self, texture: Held, source: NDArray[np.generic], box: Box) -> None:
         planes, rows, columns = box

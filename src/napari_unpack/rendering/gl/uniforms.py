@@ -11,7 +11,6 @@ from vispy import gloo
 from napari_unpack.geometry.axes import flip
 from napari_unpack.geometry.rays import Rays
 from napari_unpack.rendering.gl.compute_program import ComputeProgram
-from napari_unpack.rendering.gl.memory import TABLES, memory_counter
 from napari_unpack.rendering.gl.textures import VolumeTextures
 from napari_unpack.rendering.validation import MOST_PLANES, checked_planes
 
@@ -88,8 +87,7 @@ class Leaps:
         self.uploads = 0
         self._texture: gloo.Texture3D | None = None
         self._held: NDArray[np.bool_] | None = None
-        none = gloo.Texture3D(np.zeros((1, 1, 1), np.float32), internalformat="r32f")
-        self._none = memory_counter().enter(TABLES, none)
+        self._none = gloo.Texture3D(np.zeros((1, 1, 1), np.float32), internalformat="r32f")
 
     def uniforms(self, occupied: NDArray[np.bool_] | None) -> Uniforms:
         """Return the uniforms of lib/skip_empty.glsl; None skips nothing.
@@ -104,10 +102,9 @@ class Leaps:
         if not self._serves(occupied):
             distances = brick_distances(occupied)
             if self._texture is None or self._texture.shape[:3] != distances.shape:
-                texture = gloo.Texture3D(
+                self._texture = gloo.Texture3D(
                     distances, format="red", internalformat="r8", interpolation="nearest"
                 )
-                self._texture = memory_counter().enter(TABLES, texture)
             else:
                 self._texture.set_data(distances)
             self._held = occupied.copy()

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from vispy import gloo
 
 from napari_unpack.rendering.gl.framebuffer import current_context, handle_of, renderer
-from napari_unpack.rendering.gl.memory import DENSITY, memory_counter
 from napari_unpack.rendering.gl.offscreen import is_software_renderer
 
 # Texture unit of the volume: vispy counts those of its own from 0, and every driver has 16.
@@ -40,7 +39,6 @@ class VoxelBuffer:
         self.shape, self.kind = tuple(shape), kind
         self.buffer = gloo.VertexBuffer(np.empty(0, kind))
         self.buffer.resize_bytes(int(np.prod(shape)) * np.dtype(kind).itemsize)
-        memory_counter().enter(DENSITY, self.buffer)
 
     @property
     def glir(self) -> Any:
@@ -91,7 +89,6 @@ class VoxelBuffer:
 
     def delete(self) -> None:
         """Free it."""
-        memory_counter().strike(self.buffer)
         self.buffer.delete()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import cc3d
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from napari_unpack.segmentation.common.density_regions import label_means
 from napari_unpack.segmentation.common.depths import label_depths
@@ -12,14 +13,12 @@ from napari_unpack.segmentation.common.validation import Spacing
 
 # Voxels that four times the mean depth of a fold, the thickness of a plate, is at most.
 LAYERS = 6.0
+# Folds are less than this share of the foreground where thin light parts are walls and sheets.
+PREVALENCE = 0.25
 
 
 def bundle_folds(
-    parts: NDArray[np.int32],
-    density: NDArray[np.generic],
-    spacing: Spacing,
-    light: float,
-    prevalence: float = 0.25,
+    parts: NDArray[np.int32], density: NDArray[np.generic], spacing: Spacing, light: float
 ) -> NDArray[np.int32]:
     """Give folds that lie against each other one label.
 
@@ -31,9 +30,6 @@ def bundle_folds(
     spacing : (float, float, float) of mm, z y x
     light : float
         The mean density of a fold is at most this.
-    prevalence : float
-        Nothing is done where folds are less than this share of the foreground: elsewhere thin
-        light parts are walls and sheets.
 
     Returns
     -------
@@ -48,10 +44,10 @@ def bundle_folds(
     mean = label_means(parts, np.nan_to_num(density.astype(np.float32)))
     fold = (thickness <= LAYERS * float(np.cbrt(np.prod(spacing)))) & (mean <= light)
     fold[0] = False
-    if not fold.any() or np.bincount(flat)[fold].sum() < prevalence * np.count_nonzero(flat):
+    if not fold.any() or np.bincount(flat)[fold].sum() < PREVALENCE * np.count_nonzero(flat):
         return parts
     folds = fold[parts]
-    bundles = cc3d.connected_components(_grown(folds), connectivity=6)
+    bundles = cc3d.connected_components(binary_dilation(folds), connectivity=6)
     bundles[~folds] = 0
     owner = np.arange(top + 1, dtype=np.int32)
     first, second = bundles[folds].astype(np.int64), parts[folds].astype(np.int64)
@@ -63,13 +59,3 @@ def bundle_folds(
     leader[bundle[rank]] = name[rank]
     owner[name[rank]] = leader[bundle[rank]]
     return owner[parts]
-
-
-def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return a mask with the face neighbours of its voxels."""
-    grown = mask.copy()
-    for axis in range(3):
-        one, other = np.moveaxis(grown, axis, 0), np.moveaxis(mask, axis, 0)
-        one[1:] |= other[:-1]
-        one[:-1] |= other[1:]
-    return grown
