@@ -23,6 +23,9 @@ NO_UNIT = "it names no unit of length: mm was assumed"
 FIRST_LABELS = "its labels are those of the first of"
 """How many time points there are follows."""
 
+UNNAMED = "q"
+"""What tifffile calls an axis without a name."""
+
 # What an axis that is none of space is called in messages, by its letter.
 _AXIS_NAMES = {"c": "channel", "t": "time point"}
 
@@ -103,12 +106,12 @@ class FileData:
         for axis, element in chosen.items():
             if axis not in at and shape[axis] > 1:
                 raise ValueError(
-                    f"{source} holds {shape[axis]} {axis_name(axis)}s ({_described(shape)}): "
+                    f"{source} holds {_counted(shape[axis], axis)} ({_described(shape)}): "
                     f"choose one, from 0 to {shape[axis] - 1}, such as {axis}=0"
                 )
             if not 0 <= element < shape[axis]:
                 raise ValueError(
-                    f"{source} holds {shape[axis]} {axis_name(axis)}s, numbered from 0: there is "
+                    f"{source} holds {_counted(shape[axis], axis)}, numbered from 0: there is "
                     f"no {axis}={element}"
                 )
         unknown = sorted(set(at) - set(chosen))
@@ -143,6 +146,11 @@ def size_text(spacing: Spacing) -> str:
 def axis_name(axis: str) -> str:
     """Return what an axis other than those of space is called in messages."""
     return _AXIS_NAMES.get(axis, f"{axis}-element")
+
+
+def _counted(count: int, axis: str) -> str:
+    named = f"{axis_name(axis)}s" if axis != UNNAMED else "elements of an axis without a name"
+    return f"{count} {named}"
 
 
 def plain_unit(unit: str) -> str:
