@@ -70,6 +70,9 @@ class FileData:
         head, where the file says where the scan lies.
     is_density : bool
         The file itself says that its volume is no labels.
+    turned : bool
+        Its array is not in the order of its file, or not in the one in which other programs put a
+        series of slices: axes were swapped or flipped to the scanner's.
     """
 
     volume: NDArray[Any] | None
@@ -79,6 +82,7 @@ class FileData:
     assumed: tuple[str, ...] = ()
     scanner_from_scan: Matrix | None = None
     is_density: bool = False
+    turned: bool = False
 
     def one_volume(self, at: Mapping[str, int], source: object) -> FileData:
         """Return data whose volume has the axes z, y, x.

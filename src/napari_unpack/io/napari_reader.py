@@ -50,7 +50,8 @@ def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerDat
     levels, which are not read; of those the panel unpacks the finest that does. Several channels or
     time points stay axes in front of z, y, x, from which the panel lets one be chosen. Names of
     objects become the labels' `features`. What had to be assumed of the file is a warning, which
-    napari shows, and in `metadata["assumed"]`; `metadata["scanner_from_scan"]` is as in a `Scan`.
+    napari shows, and in `metadata["assumed"]`; `metadata["scanner_from_scan"]` and
+    `metadata["turned"]` are as in a `Scan`.
 
     Several files become time points, along a new first axis. Of DICOM files, the slices of a
     series, the first is enough.
@@ -156,7 +157,11 @@ def _attributes(found: FileData, name: str) -> dict[str, Any]:
 
 def layer_metadata(found: FileData | Scan) -> dict[str, Any]:
     """Return what a layer keeps of the file that it was read from."""
-    return {"assumed": found.assumed, "scanner_from_scan": found.scanner_from_scan}
+    return {
+        "assumed": found.assumed,
+        "scanner_from_scan": found.scanner_from_scan,
+        "turned": found.turned,
+    }
 
 
 def _label_attributes(found: FileData, name: str, beside_image: bool) -> dict[str, Any]:

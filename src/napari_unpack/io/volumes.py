@@ -79,6 +79,7 @@ def load_volume(path: str | Path, at: Mapping[str, int] | None = None, large: bo
         names,
         found.assumed,
         found.scanner_from_scan,
+        found.turned,
     )
 
 
