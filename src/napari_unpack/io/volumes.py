@@ -46,6 +46,11 @@ def printable(text: str) -> str:
 def load_volume(path: str | Path, at: Mapping[str, int] | None = None, large: bool = False) -> Scan:
     """Open a volume.
 
+    Where NIfTI, NRRD or MetaImage gives axis directions, the array is turned by flips and swaps,
+    never by interpolation: z to the feet, y to the back, x to the left. Slices of DICOM begin with
+    the highest along their normal, which of axial ones is that at the head. `Scan.turned` says that
+    an array is not in the order of its file, `Scan.scanner_from_scan` how it lies.
+
     Parameters
     ----------
     path : str or Path
@@ -194,6 +199,23 @@ def saved_files(path: Path) -> list[Path]:
     # All formats but this hold one volume a file.
     beside = path.with_name(f"{stem_of(path)}.labels{suffix}")
     return [path] if suffix == ".npz" else [path, beside]
+
+
+def lost_place(scan: Scan, path: Path) -> str:
+    """Return a note where a turned scan goes into a format that says nothing of how it lies.
+
+    Parameters
+    ----------
+    scan : Scan
+    path : Path
+        Where it goes.
+    """
+    if not scan.turned or suffix_of(path) not in TIFF_SUFFIXES:
+        return ""
+    return (
+        "the volume was turned when it was read, and TIFF does not say how it lies: written as "
+        "shown, not in the order of the input; .nii.gz, .nrrd, .mha and .npz say it"
+    )
 
 
 def check_savable(path: str | Path, volume: NDArray[Any]) -> None:
