@@ -269,7 +269,10 @@ def _series(
             names = ", ".join(file.name for file in others[:3])
             assumed.append(f"it holds {len(others)} {what} ({names}): left out")
     if not found:
-        raise ValueError(f"{source} holds no DICOM images")
+        raise ValueError(
+            f"{source} holds no DICOM images, nor slices in TIFF: save other pictures as one TIFF "
+            "stack"
+        )
     # The user named a file: its series is meant, even if another has more slices.
     if named is not None:
         return found[named.get("SeriesInstanceUID")]

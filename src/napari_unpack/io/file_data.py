@@ -105,6 +105,7 @@ class FileData:
         if not set(SPACE) <= set(self.axes):
             raise ValueError(
                 f"{source} must hold a volume with axes z, y, x, got {_described(shape)}"
+                f"{_advice(shape)}"
             )
         chosen = {axis: at.get(axis, 0) for axis in self.axes if axis not in SPACE}
         for axis, element in chosen.items():
@@ -185,6 +186,15 @@ def in_millimetres(unit: str | None, default: str, assumed: list[str]) -> float:
             assumed.append(sentence)
         return 1.0
     return found
+
+
+def _advice(shape: Mapping[str, int]) -> str:
+    """Say what to do about a file without slices."""
+    pages = [axis for axis in shape if axis not in f"{SPACE}c"]
+    if set("yx") <= set(shape) and len(pages) == 1:
+        (axis,) = pages
+        return f": if its {axis_name(axis)}s are slices, call that axis z where it is saved"
+    return ": save all slices as one stack"
 
 
 def _described(shape: Mapping[str, int]) -> str:

@@ -27,12 +27,13 @@ def get_reader(path: str | Sequence[str]) -> Callable[[Any], list[LayerData]] | 
     are reported when read. An .npz is ours if it holds an array `volume` or `labels`, a TIFF if it
     holds slices: photographs are left to napari.
     """
+    from napari_unpack.io.slice_folder import slices_in
     from napari_unpack.io.volumes import READABLE, TIFF_SUFFIXES, suffix_of
 
     first = Path(path if isinstance(path, str) else path[0])
     # Not Path's: a name that is too long is an error there.
     if os.path.isdir(first):
-        return read_layers if _is_dicom_or_zarr(first) else None
+        return read_layers if _is_dicom_or_zarr(first) or slices_in(first) else None
     suffix = suffix_of(first)
     # .npz is anyone's format: only ours are taken, so that other plugins may read the rest.
     if suffix not in READABLE or (suffix == ".npz" and not _is_ours(first)):

@@ -158,9 +158,11 @@ def checked_volume_array(array: NDArray[Any], source: object) -> NDArray[Any]:
     while array.ndim > 3 and 1 in array.shape:
         array = array.squeeze(axis=array.shape.index(1))
     if array.ndim != 3:
+        more = array.ndim > 3
+        advice = "save one time point and one channel of it" if more else "a volume has three axes"
         raise ValueError(
             f"{source} must hold a 3D volume (z, y, x), got an array of shape {array.shape}; "
-            "save one time point and one channel of it"
+            f"{advice}"
         )
     if array.size == 0:
         raise ValueError(f"{source} must not be empty, got shape {array.shape}")

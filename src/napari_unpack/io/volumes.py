@@ -55,7 +55,8 @@ def load_volume(path: str | Path, at: Mapping[str, int] | None = None, large: bo
     ----------
     path : str or Path
         .npz (`volume`, and optionally `labels`, `spacing` and `names`), .npy, NIfTI, MetaImage,
-        NRRD, TIFF stack, DICOM (a folder, or a file of the series), DICOS, OME-Zarr folder.
+        NRRD, TIFF stack or a folder of slices in TIFF, DICOM (a folder, or a file of the series),
+        DICOS, OME-Zarr folder.
     at : mapping of str to int, optional
         Which channel or time point, such as ``{"c": 1, "t": 0}``, where a file has several.
     large : bool
@@ -292,6 +293,11 @@ def _reader(file: Path) -> Callable[[Path, bool], FileData]:
         from napari_unpack.io.tiff import read_tiff
 
         return read_tiff
+    if file.is_dir():
+        from napari_unpack.io.slice_folder import read_slices, slices_in
+
+        if slices_in(file):
+            return read_slices
     # Scanners write files without a suffix; the mark tells them.
     if file.is_dir() or suffix in DICOM_SUFFIXES or has_dicom_preamble(file):
         from napari_unpack.io.dicom import read_dicom
