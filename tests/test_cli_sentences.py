@@ -73,6 +73,18 @@ def test_labels_that_lie_beside_a_volume_are_used_unless_they_do_not_fit(
     assert (lines.exit_code, "%" in lines.stderr) == (0, True)
 
 
+def test_segment_says_where_a_turned_volume_loses_how_it_lies(scan: Scan, tmp_path: Path) -> None:
+    sitk = pytest.importorskip("SimpleITK")
+    source = save_scan(Scan(scan.volume, scan.spacing), tmp_path / "ct.nii.gz")[0]
+    note = "note: out.tif: the volume was turned when it was read, and TIFF does not say how it"
+    # As this package writes it, nothing has to be turned.
+    assert note not in run("segment", source, tmp_path / "out.tif").stderr
+    sitk.WriteImage(sitk.DICOMOrient(sitk.ReadImage(str(source)), "RAS"), str(source))
+    told = run("segment", source, tmp_path / "out.tif")
+    assert (told.exit_code, note in told.stderr) == (0, True)
+    assert "was turned" not in run("segment", source, tmp_path / "out.npz").stderr
+
+
 def test_train_learns_from_labels_that_lie_beside(scan: Scan, bag: Path) -> None:
     volume, labels = save_scan(scan, bag.with_name("ct.tif"))
     told = run("train", bag.with_name("mine.npz"), volume)

@@ -182,7 +182,7 @@ def _segment(
     """Segment a volume into its objects; from Zarr to Zarr block by block, whatever its size."""
     from napari_unpack import segment
     from napari_unpack.io import save_objects_csv, save_scan
-    from napari_unpack.io.volumes import WRITABLE, check_savable, saved_files
+    from napari_unpack.io.volumes import WRITABLE, check_savable, lost_place, saved_files
 
     zarr = output.suffix.lower() == ".zarr"
     check_output(output, (*WRITABLE, ".zarr"), source, folder=zarr)
@@ -224,6 +224,8 @@ def _segment(
             raise ValueError(f"--{option} is for Zarr outputs, and {output} is none")
     scan = load_input(source, at, large)
     check_savable(output, scan.volume)
+    if told := lost_place(scan, output):
+        typer.echo(f"note: {output.name}: {told}", err=True)
     found = segment(scan.volume, scan.spacing, progress=Ticker(), smallest=smallest, grainy=grainy)
     labelled = scan.with_labels(found.labels)
     try:

@@ -62,6 +62,7 @@ def test_a_series_is_sorted_by_position_and_rescaled(tmp_path: Path) -> None:
     np.testing.assert_array_equal(scan.volume[2], np.arange(20).reshape(4, 5))
     assert scan.volume.dtype == np.uint16
     assert scan.spacing == (2.5, 0.5, 0.75)
+    assert scan.turned
 
 
 def test_a_file_of_a_series_opens_its_series(tmp_path: Path) -> None:

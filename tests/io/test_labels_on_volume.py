@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from napari_unpack.cli import app
 from napari_unpack.geometry.transforms import rotation_about
 from napari_unpack.io import load_volume, save_scan
+from napari_unpack.io.arrays import write_labels_npz
 from napari_unpack.io.file_data import FileData
 from napari_unpack.io.labels_on_volume import laid_over, scan_with_label_file
 
@@ -85,3 +86,33 @@ def test_labels_that_itk_saved_along_its_axes_lie_on_their_objects(tmp_path: Pat
     assert told.startswith("its labels (labels.nrrd) lie elsewhere in the scanner")
     score = CliRunner().invoke(app, ["score", str(truth), str(plain)])
     assert "note: labels.nrrd: its labels lie elsewhere" in score.output
+
+
+def test_labels_that_do_not_say_how_they_lie_are_doubted_on_a_turned_volume(tmp_path: Path) -> None:
+    sitk = pytest.importorskip("SimpleITK")
+    image = sitk.GetImageFromArray(LABELS)
+    image.SetSpacing(SPACING[::-1])
+    np.save(tmp_path / "bare.npy", LABELS)
+    for directions, doubted in (("LPI", False), ("RAS", True), ("PIL", True)):
+        path = tmp_path / f"{directions}.nii.gz"
+        sitk.WriteImage(sitk.DICOMOrient(image, directions), str(path))
+        scan = load_volume(path)
+        assert scan.turned == doubted
+        told = scan_with_label_file(scan, tmp_path / "bare.npy").assumed[len(scan.assumed) :]
+        wanted = (
+            "its labels (bare.npy) do not say how they lie (.nrrd, .nii.gz and .mha would), and"
+        )
+        assert [words.startswith(wanted) for words in told] == [True] * doubted
+        # The other way round.
+        bare = load_volume(tmp_path / "bare.npy")
+        told = scan_with_label_file(bare, path).assumed[len(bare.assumed) :]
+        assert ["its volume does not say how it lies" in words for words in told] == [
+            True
+        ] * doubted
+        # What this package saves lies as it says.
+        saved = save_scan(scan.with_labels(scan.volume), tmp_path / "saved.npz")[0]
+        assert scan_with_label_file(scan, saved).assumed == scan.assumed
+        write_labels_npz(saved, scan.volume, scan.spacing, scan.scanner_from_scan)
+        assert scan_with_label_file(scan, saved).assumed == scan.assumed
+    order = CliRunner().invoke(app, ["order", str(path), "--labels", str(tmp_path / "bare.npy")])
+    assert "note: PIL.nii.gz: its labels (bare.npy) do not say how they lie" in order.output

@@ -160,3 +160,20 @@ def test_labels_that_lie_otherwise_by_their_file_are_told(
     controller_with(panel, qtbot, labels)
     told = [record.message for record in notification_manager.records]
     assert sum("By their files 'expert' lie mirrored or turned on 'bag'" in t for t in told) == 1
+
+
+def test_labels_that_do_not_say_how_they_lie_are_doubted_on_a_turned_image(
+    viewer: Any, panel: UnpackingWidget, qtbot: QtBot
+) -> None:
+    image, labels = add_bag(viewer)
+    image.metadata["turned"] = True
+    # Made in napari, on what is seen.
+    controller_with(panel, qtbot, labels)
+    told = [record.message for record in notification_manager.records]
+    assert not any("do not say how they lie" in text for text in told)
+    panel.workspace.close()
+    # Of a file.
+    labels.metadata["turned"] = False
+    controller_with(panel, qtbot, labels)
+    told = [record.message for record in notification_manager.records]
+    assert sum("Labels 'expert' do not say how they lie" in text for text in told) == 1

@@ -243,7 +243,7 @@ def _write_labels(session: Session, data: Scan, settings: Settings, folder: Path
 
     file, labels = folder / LABELS[settings.labels], given_labels(session)
     if settings.labels == "npz":
-        write_labels_npz(file, labels, data.spacing)
+        write_labels_npz(file, labels, data.spacing, data.scanner_from_scan)
         return
     with folder_written_atomically(file, lambda _: False) as temporary:
         write_labels_zarr(temporary, labels, data.spacing, data.scanner_from_scan)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.atomic import written_atomically
 from napari_unpack.file_sizes import check_array, check_size, load_arrays
+from napari_unpack.geometry.axes import Matrix
 from napari_unpack.io.file_data import NO_VOXEL_SIZE, SPACE, FileData
 from napari_unpack.io.scan import (
     Scan,
@@ -128,7 +129,12 @@ def _names_arrays(names: Mapping[int, str]) -> dict[str, NDArray[Any]]:
     return {"names": np.array(rows, dtype=np.str_)}
 
 
-def write_labels_npz(path: Path, labels: NDArray[Any], spacing: Spacing) -> None:
+def write_labels_npz(
+    path: Path,
+    labels: NDArray[Any],
+    spacing: Spacing,
+    scanner_from_scan: Matrix | None = None,
+) -> None:
     """Write labels alone as a compressed .npz archive, which `load_labels` reads.
 
     Parameters
@@ -137,9 +143,14 @@ def write_labels_npz(path: Path, labels: NDArray[Any], spacing: Spacing) -> None
         The file, .npz.
     labels : (Z, Y, X) ndarray of int
     spacing : (float, float, float) of mm, z y x
+    scanner_from_scan : (4, 4) ndarray of float64, optional
+        As in a `Scan`.
     """
+    arrays = {"labels": labels, "spacing": np.asarray(spacing)}
+    if scanner_from_scan is not None:
+        arrays["scanner_from_scan"] = scanner_from_scan
     with written_atomically(path) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(file, labels=labels, spacing=np.asarray(spacing))
+        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
 
 
 def read_npy(path: Path, large: bool = False) -> FileData:

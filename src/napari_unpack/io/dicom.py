@@ -177,14 +177,17 @@ def read_dicom(path: Path, large: bool = False) -> FileData:
             f"{path} holds {len(volumes)} scans of one place that differ in their slices: save "
             "each in a series of its own"
         )
+    # Other programs put the lowest slice first.
+    turned = place is not None
     if len(volumes) == 1:
-        return FileData(volume, SPACE, spacing, None, tuple(assumed), place)
+        return FileData(volume, SPACE, spacing, None, tuple(assumed), place, turned=turned)
     return FileData(
         np.stack([v for v, _, _ in volumes]),
         "tzyx",
         spacing,
         assumed=tuple(dict.fromkeys(assumed)),
         scanner_from_scan=place,
+        turned=turned,
     )
 
 
@@ -266,7 +269,10 @@ def _series(
             names = ", ".join(file.name for file in others[:3])
             assumed.append(f"it holds {len(others)} {what} ({names}): left out")
     if not found:
-        raise ValueError(f"{source} holds no DICOM images")
+        raise ValueError(
+            f"{source} holds no DICOM images, nor slices in TIFF: save other pictures as one TIFF "
+            "stack"
+        )
     # The user named a file: its series is meant, even if another has more slices.
     if named is not None:
         return found[named.get("SeriesInstanceUID")]

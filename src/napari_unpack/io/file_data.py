@@ -23,6 +23,9 @@ NO_UNIT = "it names no unit of length: mm was assumed"
 FIRST_LABELS = "its labels are those of the first of"
 """How many time points there are follows."""
 
+UNNAMED = "q"
+"""What tifffile calls an axis without a name."""
+
 # What an axis that is none of space is called in messages, by its letter.
 _AXIS_NAMES = {"c": "channel", "t": "time point"}
 
@@ -67,6 +70,9 @@ class FileData:
         head, where the file says where the scan lies.
     is_density : bool
         The file itself says that its volume is no labels.
+    turned : bool
+        Its array is not in the order of its file, or not in the one in which other programs put a
+        series of slices: axes were swapped or flipped to the scanner's.
     """
 
     volume: NDArray[Any] | None
@@ -76,6 +82,7 @@ class FileData:
     assumed: tuple[str, ...] = ()
     scanner_from_scan: Matrix | None = None
     is_density: bool = False
+    turned: bool = False
 
     def one_volume(self, at: Mapping[str, int], source: object) -> FileData:
         """Return data whose volume has the axes z, y, x.
@@ -98,17 +105,18 @@ class FileData:
         if not set(SPACE) <= set(self.axes):
             raise ValueError(
                 f"{source} must hold a volume with axes z, y, x, got {_described(shape)}"
+                f"{_advice(shape)}"
             )
         chosen = {axis: at.get(axis, 0) for axis in self.axes if axis not in SPACE}
         for axis, element in chosen.items():
             if axis not in at and shape[axis] > 1:
                 raise ValueError(
-                    f"{source} holds {shape[axis]} {axis_name(axis)}s ({_described(shape)}): "
+                    f"{source} holds {_counted(shape[axis], axis)} ({_described(shape)}): "
                     f"choose one, from 0 to {shape[axis] - 1}, such as {axis}=0"
                 )
             if not 0 <= element < shape[axis]:
                 raise ValueError(
-                    f"{source} holds {shape[axis]} {axis_name(axis)}s, numbered from 0: there is "
+                    f"{source} holds {_counted(shape[axis], axis)}, numbered from 0: there is "
                     f"no {axis}={element}"
                 )
         unknown = sorted(set(at) - set(chosen))
@@ -145,6 +153,11 @@ def axis_name(axis: str) -> str:
     return _AXIS_NAMES.get(axis, f"{axis}-element")
 
 
+def _counted(count: int, axis: str) -> str:
+    named = f"{axis_name(axis)}s" if axis != UNNAMED else "elements of an axis without a name"
+    return f"{count} {named}"
+
+
 def plain_unit(unit: str) -> str:
     """Return the name of a unit of length in lower case where it cannot be another's then.
 
@@ -173,6 +186,15 @@ def in_millimetres(unit: str | None, default: str, assumed: list[str]) -> float:
             assumed.append(sentence)
         return 1.0
     return found
+
+
+def _advice(shape: Mapping[str, int]) -> str:
+    """Say what to do about a file without slices."""
+    pages = [axis for axis in shape if axis not in f"{SPACE}c"]
+    if set("yx") <= set(shape) and len(pages) == 1:
+        (axis,) = pages
+        return f": if its {axis_name(axis)}s are slices, call that axis z where it is saved"
+    return ": save all slices as one stack"
 
 
 def _described(shape: Mapping[str, int]) -> str:

@@ -121,14 +121,18 @@ def read_itk(path: Path, large: bool = False) -> FileData:
     upright = _at_right_angles(np.reshape(image.GetDirection(), (3, 3)))
     if not upright:
         assumed += ("its axes are not at right angles: it is shown as if they were",)
+    given = image.GetDirection()
     # Plain arrays, as this package wrote them once, say nothing of a patient: they are not turned.
-    if not np.allclose(image.GetDirection(), np.eye(3).ravel()):
+    if not np.allclose(given, np.eye(3).ravel()):
         image = sitk.DICOMOrient(image, ORIENTATION)
+    was_turned = not np.allclose(given, image.GetDirection())
     array = checked_volume_array(sitk.GetArrayFromImage(image), path)
     turned = np.reshape(image.GetDirection(), (3, 3))
     place = _place(turned, image.GetOrigin(), unit) if upright else None
     spacing = checked_spacing([mm * unit for mm in image.GetSpacing()[::-1]], path)
-    return FileData(array, spacing=spacing, assumed=assumed, scanner_from_scan=place)
+    return FileData(
+        array, spacing=spacing, assumed=assumed, scanner_from_scan=place, turned=was_turned
+    )
 
 
 def _put_back(sitk: Any, image: Any, path: Path) -> Any:

@@ -21,6 +21,8 @@ _LARGEST_SHIFT = 0.5
 
 _BY_VOXEL = "they were laid over it voxel by voxel"
 
+_WOULD = "(.nrrd, .nii.gz and .mha would)"
+
 
 def scan_with_label_file(scan: Scan, path: Path, large: bool = False) -> Scan:
     """Return a scan with the labels of a file, turned onto it where both say how they lie.
@@ -44,7 +46,12 @@ def scan_with_label_file(scan: Scan, path: Path, large: bool = False) -> Scan:
     FileNotFoundError, ValueError, ImportError
         As for `load_labels` and `Scan.with_labels`.
     """
-    whole = FileData(scan.volume, spacing=scan.spacing, scanner_from_scan=scan.scanner_from_scan)
+    whole = FileData(
+        scan.volume,
+        spacing=scan.spacing,
+        scanner_from_scan=scan.scanner_from_scan,
+        turned=scan.turned,
+    )
     found = load_label_file(path, large)
     labels, said = laid_over(found, whole)
     labels = np.ascontiguousarray(labels)
@@ -72,14 +79,14 @@ def laid_over(labels: FileData, volume: FileData) -> tuple[NDArray[Any], str]:
     labels : (Z, Y, X) ndarray of int
         The same array where it was not turned, else a view of it.
     told : str
-        That they lie elsewhere, to follow what they are called; empty where they fit.
+        That they lie elsewhere, or may, to follow what they are called; empty where they fit.
     """
     array = labels.labels
     assert array is not None, "callers have read them"
     assert volume.volume is not None, "callers have read it"
     theirs, ours = labels.scanner_from_scan, volume.scanner_from_scan
     if theirs is None or ours is None:
-        return array, ""
+        return array, _may_lie_otherwise(labels, volume)
     scanner_from_label = theirs @ world_from_voxel(labels.spacing)
     voxel_from_label = np.linalg.inv(ours @ world_from_voxel(volume.spacing)) @ scanner_from_label
     turned = _turned(array, voxel_from_label, volume.volume.shape)
@@ -89,6 +96,17 @@ def laid_over(labels: FileData, volume: FileData) -> tuple[NDArray[Any], str]:
     if size != wanted:
         return array, f"have voxels of {size} and not of {wanted}: {_BY_VOXEL}"
     return array, f"lie elsewhere in the scanner than its volume: {_BY_VOXEL}"
+
+
+def _may_lie_otherwise(labels: FileData, volume: FileData) -> str:
+    """Return a doubt where one was turned when it was read, and how the other lies is not known."""
+    if volume.turned and not labels.turned and labels.scanner_from_scan is None:
+        doubt = f"do not say how they lie {_WOULD}, and its volume was turned when it was read"
+        return f"{doubt}: {_BY_VOXEL}"
+    if labels.turned and not volume.turned and volume.scanner_from_scan is None:
+        doubt = f"were turned when they were read, and its volume does not say how it lies {_WOULD}"
+        return f"{doubt}: {_BY_VOXEL}"
+    return ""
 
 
 def _turned(

@@ -27,12 +27,13 @@ def get_reader(path: str | Sequence[str]) -> Callable[[Any], list[LayerData]] | 
     are reported when read. An .npz is ours if it holds an array `volume` or `labels`, a TIFF if it
     holds slices: photographs are left to napari.
     """
+    from napari_unpack.io.slice_folder import slices_in
     from napari_unpack.io.volumes import READABLE, TIFF_SUFFIXES, suffix_of
 
     first = Path(path if isinstance(path, str) else path[0])
     # Not Path's: a name that is too long is an error there.
     if os.path.isdir(first):
-        return read_layers if _is_dicom_or_zarr(first) else None
+        return read_layers if _is_dicom_or_zarr(first) or slices_in(first) else None
     suffix = suffix_of(first)
     # .npz is anyone's format: only ours are taken, so that other plugins may read the rest.
     if suffix not in READABLE or (suffix == ".npz" and not _is_ours(first)):
@@ -50,7 +51,8 @@ def read_layers(path: str | Sequence[str], large: bool = False) -> list[LayerDat
     levels, which are not read; of those the panel unpacks the finest that does. Several channels or
     time points stay axes in front of z, y, x, from which the panel lets one be chosen. Names of
     objects become the labels' `features`. What had to be assumed of the file is a warning, which
-    napari shows, and in `metadata["assumed"]`; `metadata["scanner_from_scan"]` is as in a `Scan`.
+    napari shows, and in `metadata["assumed"]`; `metadata["scanner_from_scan"]` and
+    `metadata["turned"]` are as in a `Scan`.
 
     Several files become time points, along a new first axis. Of DICOM files, the slices of a
     series, the first is enough.
@@ -156,7 +158,11 @@ def _attributes(found: FileData, name: str) -> dict[str, Any]:
 
 def layer_metadata(found: FileData | Scan) -> dict[str, Any]:
     """Return what a layer keeps of the file that it was read from."""
-    return {"assumed": found.assumed, "scanner_from_scan": found.scanner_from_scan}
+    return {
+        "assumed": found.assumed,
+        "scanner_from_scan": found.scanner_from_scan,
+        "turned": found.turned,
+    }
 
 
 def _label_attributes(found: FileData, name: str, beside_image: bool) -> dict[str, Any]:

@@ -42,6 +42,9 @@ class Scan:
     scanner_from_scan : (4, 4) ndarray of float64, optional
         From mm along the axes z, y, x to the scanner's mm x to the left, y to the back, z to the
         head, where the file says where the scan lies.
+    turned : bool
+        Its array is not in the order of its file, or not in the one in which other programs put a
+        series of slices: axes were swapped or flipped to the scanner's.
     """
 
     volume: NDArray[Any]
@@ -51,6 +54,7 @@ class Scan:
     names: Mapping[int, str] | None = None
     assumed: tuple[str, ...] = ()
     scanner_from_scan: axes.Matrix | None = None
+    turned: bool = False
 
     def with_labels(self, labels: NDArray[Any]) -> Scan:
         """Return the scan with other labels, without names.
@@ -154,9 +158,11 @@ def checked_volume_array(array: NDArray[Any], source: object) -> NDArray[Any]:
     while array.ndim > 3 and 1 in array.shape:
         array = array.squeeze(axis=array.shape.index(1))
     if array.ndim != 3:
+        more = array.ndim > 3
+        advice = "save one time point and one channel of it" if more else "a volume has three axes"
         raise ValueError(
             f"{source} must hold a 3D volume (z, y, x), got an array of shape {array.shape}; "
-            "save one time point and one channel of it"
+            f"{advice}"
         )
     if array.size == 0:
         raise ValueError(f"{source} must not be empty, got shape {array.shape}")

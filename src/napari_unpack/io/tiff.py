@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -12,12 +13,20 @@ from numpy.typing import NDArray
 
 from napari_unpack.atomic import written_atomically
 from napari_unpack.file_sizes import check_size
-from napari_unpack.io.file_data import NO_VOXEL_SIZE, FileData, in_millimetres
+from napari_unpack.io.file_data import (
+    NO_UNIT,
+    NO_VOXEL_SIZE,
+    UNNAMED,
+    FileData,
+    in_millimetres,
+)
 from napari_unpack.io.itk_header import check_beside
 from napari_unpack.io.scan import Spacing, checked_spacing
 
-# Distances that image editors write without having measured anything, pixels an inch.
+# Distances that image editors write without having measured anything, pixels an inch. Some write
+# them in pixels a centimetre, with two decimals.
 _SCREEN_RESOLUTIONS = (1.0, 72.0, 96.0, 300.0)
+_ROUNDED = 2e-4
 
 _NO_DISTANCE = "it gives no distance of slices: that of its rows was assumed"
 
@@ -104,12 +113,13 @@ def _signed(array: NDArray[Any], notes: dict[str, Any]) -> NDArray[Any]:
 
 
 def _axes(letters: str) -> str:
-    # S: samples of a pixel, which are colours. Pages without a meaning (Q, I) are slices.
+    # S: samples of a pixel, which are colours. Pages without a meaning (Q, I) are slices, those of
+    # the last such axis, which runs fastest.
     named = letters.lower().replace("s", "c" if "C" not in letters else "s")
-    for page in "qi":
-        if "z" not in named:
-            named = named.replace(page, "z", 1)
-    return named
+    pages = [number for number, axis in enumerate(named) if axis in f"{UNNAMED}i"]
+    if "z" in named or not pages:
+        return named
+    return f"{named[: pages[-1]]}z{named[pages[-1] + 1 :]}"
 
 
 def _check_inside(file: Any, path: Path) -> None:
@@ -181,16 +191,19 @@ def _check_written(path: Path, array: NDArray[Any]) -> None:
 
 
 def _imagej(file: Any, assumed: list[str]) -> Spacing | None:
-    # Without a unit the numbers mean nothing: ImageJ writes 1 pixel then.
-    notes = file.imagej_metadata or {}
-    if notes.get("unit", "pixel") in ("pixel", "pixels", ""):
-        return None
+    notes, tags = file.imagej_metadata or {}, file.pages[0].tags
+    unit = notes.get("unit", "")
+    unnamed = unit in ("pixel", "pixels", "")
+    if unnamed:
+        # TIFF's own unit is asked elsewhere.
+        if "spacing" not in notes or _millimetres(tags):
+            return None
+        unit = "mm"
     # Rows and slices have units of their own where they differ from that of columns.
     scales = {
-        axis: in_millimetres(_unescaped(notes.get(f"{axis}unit", notes["unit"])), "mm", assumed)
+        axis: in_millimetres(_unescaped(notes.get(f"{axis}unit", unit)), "mm", assumed)
         for axis in "zyx"
     }
-    tags = file.pages[0].tags
     sides = []
     for axis in "yx":
         name = f"{axis.upper()}Resolution"
@@ -199,7 +212,13 @@ def _imagej(file: Any, assumed: list[str]) -> Spacing | None:
         sides.append(units / pixels * scales[axis] if pixels else scales[axis])
     # Negative where the stack was turned over.
     distance = abs(float(notes.get("spacing", 1.0)))
-    return distance * scales["z"], float(sides[0]), float(sides[1])
+    size = distance * scales["z"], float(sides[0]), float(sides[1])
+    if unnamed:
+        # Of numbers without a unit the proportions count; those of voxels are all 1.
+        if size == (1.0, 1.0, 1.0):
+            return None
+        assumed.append(NO_UNIT)
+    return size
 
 
 def _unescaped(unit: object) -> str:
@@ -228,17 +247,24 @@ def _ome(file: Any, assumed: list[str]) -> Spacing | None:
 def _tags(file: Any, assumed: list[str]) -> Spacing:
     """Return the voxel size by TIFF's own tags, which know no distance of slices."""
     tags = file.pages[0].tags
-    # 2 is the inch, 3 the centimetre; 1 says that the numbers have no unit.
-    unit = {2: 25.4, 3: 10.0}.get(
-        int(tags["ResolutionUnit"].value) if "ResolutionUnit" in tags else 1
-    )
+    unit = _millimetres(tags)
     sides = []
     for name in ("YResolution", "XResolution"):
         pixels, units = tags[name].value if name in tags else (0, 1)
-        if unit and pixels and pixels / units * 25.4 / unit not in _SCREEN_RESOLUTIONS:
+        if unit and pixels and not _is_of_a_screen(pixels / units * 25.4 / unit):
             sides.append(unit * units / pixels)
     if len(sides) < 2:
         assumed.append(NO_VOXEL_SIZE)
         return 1.0, 1.0, 1.0
     assumed.append(_NO_DISTANCE)
     return sides[0], sides[0], sides[1]
+
+
+def _millimetres(tags: Any) -> float | None:
+    """Return the length of TIFF's own unit, mm; None where it says that its numbers have none."""
+    unit = int(tags["ResolutionUnit"].value) if "ResolutionUnit" in tags else 1
+    return {2: 25.4, 3: 10.0}.get(unit)
+
+
+def _is_of_a_screen(resolution: float) -> bool:
+    return any(math.isclose(resolution, known, rel_tol=_ROUNDED) for known in _SCREEN_RESOLUTIONS)

@@ -46,11 +46,17 @@ def printable(text: str) -> str:
 def load_volume(path: str | Path, at: Mapping[str, int] | None = None, large: bool = False) -> Scan:
     """Open a volume.
 
+    Where NIfTI, NRRD or MetaImage gives axis directions, the array is turned by flips and swaps,
+    never by interpolation: z to the feet, y to the back, x to the left. Slices of DICOM begin with
+    the highest along their normal, which of axial ones is that at the head. `Scan.turned` says that
+    an array is not in the order of its file, `Scan.scanner_from_scan` how it lies.
+
     Parameters
     ----------
     path : str or Path
         .npz (`volume`, and optionally `labels`, `spacing` and `names`), .npy, NIfTI, MetaImage,
-        NRRD, TIFF stack, DICOM (a folder, or a file of the series), DICOS, OME-Zarr folder.
+        NRRD, TIFF stack or a folder of slices in TIFF, DICOM (a folder, or a file of the series),
+        DICOS, OME-Zarr folder.
     at : mapping of str to int, optional
         Which channel or time point, such as ``{"c": 1, "t": 0}``, where a file has several.
     large : bool
@@ -79,6 +85,7 @@ def load_volume(path: str | Path, at: Mapping[str, int] | None = None, large: bo
         names,
         found.assumed,
         found.scanner_from_scan,
+        found.turned,
     )
 
 
@@ -195,6 +202,23 @@ def saved_files(path: Path) -> list[Path]:
     return [path] if suffix == ".npz" else [path, beside]
 
 
+def lost_place(scan: Scan, path: Path) -> str:
+    """Return a note where a turned scan goes into a format that says nothing of how it lies.
+
+    Parameters
+    ----------
+    scan : Scan
+    path : Path
+        Where it goes.
+    """
+    if not scan.turned or suffix_of(path) not in TIFF_SUFFIXES:
+        return ""
+    return (
+        "the volume was turned when it was read, and TIFF does not say how it lies: written as "
+        "shown, not in the order of the input; .nii.gz, .nrrd, .mha and .npz say it"
+    )
+
+
 def check_savable(path: str | Path, volume: NDArray[Any]) -> None:
     """Refuse what `save_scan` could not save, before the work that makes its labels.
 
@@ -269,6 +293,11 @@ def _reader(file: Path) -> Callable[[Path, bool], FileData]:
         from napari_unpack.io.tiff import read_tiff
 
         return read_tiff
+    if file.is_dir():
+        from napari_unpack.io.slice_folder import read_slices, slices_in
+
+        if slices_in(file):
+            return read_slices
     # Scanners write files without a suffix; the mark tells them.
     if file.is_dir() or suffix in DICOM_SUFFIXES or has_dicom_preamble(file):
         from napari_unpack.io.dicom import read_dicom

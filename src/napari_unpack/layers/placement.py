@@ -141,6 +141,15 @@ def scanner_from_scan(layer: Layer) -> Matrix | None:
     return told if isinstance(told, np.ndarray) and told.shape == (4, 4) else None
 
 
+def was_turned(layer: Layer) -> bool | None:
+    """Return `Scan.turned` of the file that a layer was read from; None where it is of no file."""
+    told = layer.metadata.get("turned")
+    # Others may use the word as well; their readers turn nothing.
+    if isinstance(told, bool):
+        return told
+    return None if layer.source.path is None else False
+
+
 def assumed_of(layer: Layer) -> tuple[str, ...]:
     """Return a sentence for each thing that the layer's file does not say and was assumed."""
     told = layer.metadata.get("assumed")

@@ -24,6 +24,7 @@ from napari_unpack.layers.placement import (
     scanner_from_scan,
     set_spacing,
     spacing_of,
+    was_turned,
 )
 from napari_unpack.session.errors import listed
 from napari_unpack.tasks import Progress, TaskResult
@@ -352,12 +353,20 @@ class SegmentSection(Section):
             np.broadcast_to(np.uint8(0), volume.data.shape),
             spacing=volume.spacing,
             scanner_from_scan=scanner_from_scan(image),
+            turned=bool(was_turned(image)),
         )
-        own = replace(there, labels=there.volume, scanner_from_scan=scanner_from_scan(labels))
-        turned, told = laid_over(own, there)
+        turned = was_turned(labels)
+        own = replace(
+            there,
+            labels=there.volume,
+            scanner_from_scan=scanner_from_scan(labels),
+            # What was made in napari was made on what is seen there.
+            turned=there.turned if turned is None else turned,
+        )
+        placed, told = laid_over(own, there)
         if told:
             notifications.inform(f"Labels {labels.name!r} {told}.")
-        elif turned is not own.labels:
+        elif placed is not own.labels:
             notifications.inform(
                 f"By their files {labels.name!r} lie mirrored or turned on {image.name!r}: they "
                 "are taken voxel by voxel all the same. `napari-unpack demo SCAN --labels LABELS` "
