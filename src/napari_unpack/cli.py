@@ -5,11 +5,11 @@ from __future__ import annotations
 import functools
 import sys
 import warnings
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from io import TextIOWrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -21,6 +21,7 @@ from napari_unpack.cli_options import (
     Direction,
     Ground,
     Input,
+    LabelledScans,
     LabelsOption,
     Large,
     NewView,
@@ -29,9 +30,9 @@ from napari_unpack.cli_options import (
     ViewOption,
     VolumeInput,
     check_output,
+    check_segmentation,
     direction_of,
     expanded,
-    labelled_scan,
     load_input,
     open_input,
     picture_file,
@@ -40,9 +41,6 @@ from napari_unpack.cli_options import (
     tell_labels_beside,
     write_somewhere,
 )
-
-if TYPE_CHECKING:
-    from napari_unpack.io import Scan
 
 app = typer.Typer(
     name="napari-unpack",
@@ -182,17 +180,10 @@ def _segment(
     """Segment a volume into its objects; from Zarr to Zarr block by block, whatever its size."""
     from napari_unpack import segment
     from napari_unpack.io import save_objects_csv, save_scan
-    from napari_unpack.io.volumes import WRITABLE, check_savable, saved_files
+    from napari_unpack.io.volumes import check_savable
 
     zarr = output.suffix.lower() == ".zarr"
-    check_output(output, (*WRITABLE, ".zarr"), source, folder=zarr)
-    outputs = [output] if zarr else saved_files(output)
-    for file in outputs[1:]:
-        check_output(file, WRITABLE, source)
-    if csv is not None:
-        check_output(csv, ("",), source)
-        if csv.resolve() in [file.resolve() for file in outputs]:
-            raise ValueError(f"{csv} holds the labels: choose another file for the table")
+    check_segmentation(source, output, csv)
     if zarr:
         from napari_unpack.batches.large_files import segment_zarr
 
@@ -234,21 +225,6 @@ def _segment(
     typer.echo(f"{len(found.objects)} objects")
 
 
-@dataclass(frozen=True)
-class _Volumes:
-    """Volumes of files, read one after another: there may be hundreds."""
-
-    paths: list[Path]
-    large: bool
-
-    def __len__(self) -> int:
-        return len(self.paths)
-
-    def __iter__(self) -> Iterator[Scan]:
-        for path in self.paths:
-            yield labelled_scan(path, self.large)
-
-
 @_command()
 def _train(
     output: Annotated[Path, typer.Argument(metavar="OUT", help="The oracle to write, .npz.")],
@@ -270,7 +246,7 @@ def _train(
     for path in bags:
         if not path.exists():
             raise FileNotFoundError(f"no such file or folder: {path}")
-    oracle = train(_Volumes(bags, large), seed, Ticker())
+    oracle = train(LabelledScans(bags, large), seed, Ticker())
 
     def save(path: Path) -> list[Path]:
         oracle.save(path)

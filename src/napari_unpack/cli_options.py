@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Annotated, Any
@@ -141,20 +141,30 @@ def tell_labels_beside(file: Path) -> None:
             )
 
 
-def labelled_scan(path: Path, large: bool) -> Scan:
-    """Return a volume with labels to learn from.
+@dataclass(frozen=True)
+class LabelledScans:
+    """Volumes with labels to learn from, read one after another: there may be hundreds.
 
     Parameters
     ----------
-    path : Path
+    paths : list of Path
+        Reading one raises `ValueError` where neither it nor a file beside it has labels.
     large : bool
         As for `load_volume`.
-
-    Raises
-    ------
-    ValueError
-        If neither the file nor one beside it has labels of its objects.
     """
+
+    paths: list[Path]
+    large: bool
+
+    def __len__(self) -> int:
+        return len(self.paths)
+
+    def __iter__(self) -> Iterator[Scan]:
+        for path in self.paths:
+            yield _labelled_scan(path, self.large)
+
+
+def _labelled_scan(path: Path, large: bool) -> Scan:
     from napari_unpack.io import load_volume
 
     scan = _with_labels_beside(load_volume(path, large=large), path, large)
@@ -300,6 +310,45 @@ def check_output(
     if os.path.isdir(path) and not folder:
         raise ValueError(f"{path} is a folder: choose another output")
     check_writable(path)
+
+
+def check_segmentation(source: Path, output: Path, csv: Path | None) -> None:
+    """Refuse outputs of `segment` that cannot be written, or whose place is another's.
+
+    Parameters
+    ----------
+    source : Path
+        What is segmented.
+    output : Path
+        Where volume and labels go.
+    csv : Path, optional
+        Where the table goes.
+
+    Raises
+    ------
+    ValueError
+        If a file of labels is there that nobody named, the table is to be written over the
+        labels or is no .csv, and as for `check_output`.
+    FileNotFoundError, PermissionError
+        As for `check_output`.
+    """
+    from napari_unpack.io.volumes import WRITABLE, saved_files
+
+    zarr = output.suffix.lower() == ".zarr"
+    check_output(output, (*WRITABLE, ".zarr"), source, folder=zarr)
+    outputs = [output] if zarr else saved_files(output)
+    for labels in outputs[1:]:
+        check_output(labels, WRITABLE, source)
+        # Even where they were written by the same command: they may have been corrected since.
+        if os.path.exists(labels):
+            raise ValueError(
+                f"{labels} is there and would be overwritten by the labels that are found: "
+                "choose another output, or move or remove that file first"
+            )
+    if csv is not None:
+        if csv.resolve() in [file.resolve() for file in outputs]:
+            raise ValueError(f"{csv} holds the labels: choose another file for the table")
+        check_output(csv, (".csv",), source)
 
 
 def table_beside(output: Path) -> Path:
