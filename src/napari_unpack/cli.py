@@ -6,7 +6,6 @@ import functools
 import sys
 import warnings
 from collections.abc import Callable
-from dataclasses import replace
 from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated, Any
@@ -22,6 +21,7 @@ from napari_unpack.cli_options import (
     Ground,
     Input,
     LabelledScans,
+    LabelsAt,
     LabelsOption,
     Large,
     NewView,
@@ -33,12 +33,12 @@ from napari_unpack.cli_options import (
     check_segmentation,
     direction_of,
     expanded,
+    load_compared,
     load_input,
     open_input,
     picture_file,
     requested_decorations,
     table_beside,
-    tell_labels_beside,
     write_somewhere,
 )
 
@@ -269,21 +269,14 @@ def _score(
     boundary: Annotated[
         bool, typer.Option("--boundary", help="Measure distances between boundaries too.")
     ] = False,
+    at: LabelsAt = None,
     large: Large = False,
 ) -> None:
     """Compare labels with the truth, in all and by kind of object."""
-    from napari_unpack.io.labels_on_volume import laid_over
     from napari_unpack.io.scoring import score_report
-    from napari_unpack.io.volumes import load_label_file
 
-    for file in (truth, found):
-        tell_labels_beside(file)
-    # Voxels of the truth count: found labels often come without a voxel size.
-    true = load_label_file(truth, large)
-    seen, said = laid_over(load_label_file(found, large), replace(true, volume=true.labels))
+    true, seen = load_compared(truth, found, at, large)
     assert true.labels is not None, "it was read"
-    if said:
-        typer.echo(f"note: {found.name}: its labels {said}", err=True)
     typer.echo(score_report(true.labels, seen, true.spacing, table, by, boundary))
 
 

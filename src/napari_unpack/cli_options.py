@@ -14,8 +14,11 @@ import typer
 from napari_unpack.geometry.view import FROM_ABOVE, View
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from napari_unpack.appearance import Decorations
     from napari_unpack.io import Scan
+    from napari_unpack.io.file_data import FileData
     from napari_unpack.session import Session
 
 _VOLUME = "Volume: .npz, .npy, NIfTI, MetaImage, NRRD, TIFF, DICOM folder or file, OME-Zarr"
@@ -32,7 +35,16 @@ At = Annotated[
     typer.Option(
         "--at",
         metavar="AXIS=N",
-        help="Which channel or time point, where INPUT holds several: c=1, or t=0,c=1.",
+        help="Which channel or time point, where INPUT or its labels hold several: c=1, or "
+        "t=0,c=1.",
+    ),
+]
+LabelsAt = Annotated[
+    str | None,
+    typer.Option(
+        "--at",
+        metavar="AXIS=N",
+        help="Which channel or time point, where TRUTH or FOUND holds several: t=1.",
     ),
 ]
 Large = Annotated[
@@ -110,6 +122,24 @@ def load_input(source: Path, at: str | None, large: bool = False) -> Scan:
     """
     from napari_unpack.io import load_volume
 
+    scan = load_volume(source, chosen_elements(at), large)
+    _tell_assumed(source, scan.assumed)
+    return scan
+
+
+def chosen_elements(at: str | None) -> dict[str, int]:
+    """Return which channel or time point is meant, by the letter of its axis.
+
+    Parameters
+    ----------
+    at : str, optional
+        As the option takes it.
+
+    Raises
+    ------
+    ValueError
+        If it is not as the option wants it.
+    """
     chosen = {}
     for part in at.split(",") if at else ():
         axis, _, number = part.partition("=")
@@ -117,14 +147,49 @@ def load_input(source: Path, at: str | None, large: bool = False) -> Scan:
         if not number.strip().isdecimal():
             raise ValueError(f"--at must be like c=1 or t=0,c=1, got {at!r}")
         chosen[axis.strip()] = int(number)
-    scan = load_volume(source, chosen, large)
-    _tell_assumed(source, scan.assumed)
-    return scan
+    return chosen
 
 
 def _tell_assumed(source: Path, assumed: tuple[str, ...]) -> None:
     for sentence in assumed:
         typer.echo(f"note: {source.name}: {sentence}", err=True)
+
+
+def load_compared(
+    truth: Path, found: Path, at: str | None, large: bool
+) -> tuple[FileData, NDArray[Any]]:
+    """Return true labels with all that their file says, and those that were found, laid over them.
+
+    Parameters
+    ----------
+    truth, found : Path
+        Files of labels.
+    at : str, optional
+        As the option takes it; goes for whichever has that axis.
+    large : bool
+        As for `load_volume`.
+
+    Raises
+    ------
+    ValueError
+        If `at` is not as the option wants it, or neither file has such an axis; else as for
+        `load_labels`.
+    """
+    from napari_unpack.io.labels_on_volume import laid_over
+    from napari_unpack.io.volumes import load_label_file
+
+    chosen = chosen_elements(at)
+    for file in (truth, found):
+        tell_labels_beside(file)
+    # Voxels of the truth count: found labels often come without a voxel size.
+    true, other = (load_label_file(file, large, chosen) for file in (truth, found))
+    unknown = sorted(set(chosen) - {*true.axes, *other.axes})
+    if unknown:
+        raise ValueError(f"neither {truth} nor {found} has an axis {', '.join(unknown)}: see --at")
+    seen, said = laid_over(other, replace(true, volume=true.labels))
+    if said:
+        typer.echo(f"note: {found.name}: its labels {said}", err=True)
+    return true, seen
 
 
 def tell_labels_beside(file: Path) -> None:
@@ -167,14 +232,14 @@ class LabelledScans:
 def _labelled_scan(path: Path, large: bool) -> Scan:
     from napari_unpack.io import load_volume
 
-    scan = _with_labels_beside(load_volume(path, large=large), path, large)
+    scan = _with_labels_beside(load_volume(path, large=large), path, large, {})
     if scan.labels is None or not scan.labels.any():
         raise ValueError(f"{path} needs labels to learn from: segment it first")
     return scan
 
 
 def _with_labels_beside(
-    scan: Scan, source: Path, large: bool, more: str = "", instead: str = ""
+    scan: Scan, source: Path, large: bool, at: dict[str, int], more: str = "", instead: str = ""
 ) -> Scan:
     """Return a scan without labels with those that lie beside its file, as `segment` writes them.
 
@@ -191,7 +256,7 @@ def _with_labels_beside(
     try:
         # A copy of both may have been made in either order.
         older = file.stat().st_mtime < source.stat().st_mtime
-        found = scan_with_label_file(scan, file, large)
+        found = scan_with_label_file(scan, file, large, at)
     except (ValueError, OSError, ImportError, MemoryError) as error:
         _tell_assumed(source, (f"{file.name} beside it is left out: {error}{instead}",))
         return scan
@@ -257,13 +322,14 @@ def open_input(
     if labels is not None:
         tell_labels_beside(labels)
         known = len(scan.assumed)
-        scan = scan_with_label_file(scan, labels, large)
+        scan = scan_with_label_file(scan, labels, large, chosen_elements(at))
         _tell_assumed(source, scan.assumed[known:])
         if is_segmentation(labels):
             scan = replace(scan, names=segment_names(labels))
     else:
         anew = "; it is segmented anew, unless --labels names labels"
-        scan = _with_labels_beside(scan, source, large, "; --labels takes others", anew)
+        more = "; --labels takes others"
+        scan = _with_labels_beside(scan, source, large, chosen_elements(at), more, anew)
     return open_scan(scan, view or FROM_ABOVE, direction_of(direction), Ticker(), backend)
 
 

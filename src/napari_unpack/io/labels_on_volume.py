@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -22,7 +23,9 @@ _LARGEST_SHIFT = 0.5
 _BY_VOXEL = "they were laid over it voxel by voxel"
 
 
-def scan_with_label_file(scan: Scan, path: Path, large: bool = False) -> Scan:
+def scan_with_label_file(
+    scan: Scan, path: Path, large: bool = False, at: Mapping[str, int] | None = None
+) -> Scan:
     """Return a scan with the labels of a file, turned onto it where both say how they lie.
 
     Parameters
@@ -32,6 +35,8 @@ def scan_with_label_file(scan: Scan, path: Path, large: bool = False) -> Scan:
         What `load_labels` reads.
     large : bool
         As for `load_volume`.
+    at : mapping of str to int, optional
+        As for `load_labels`.
 
     Returns
     -------
@@ -45,7 +50,7 @@ def scan_with_label_file(scan: Scan, path: Path, large: bool = False) -> Scan:
         As for `load_labels` and `Scan.with_labels`.
     """
     whole = FileData(scan.volume, spacing=scan.spacing, scanner_from_scan=scan.scanner_from_scan)
-    found = load_label_file(path, large)
+    found = load_label_file(path, large, at)
     labels, said = laid_over(found, whole)
     labels = np.ascontiguousarray(labels)
     told = [words for words in found.assumed if words.startswith(FIRST_LABELS)]
