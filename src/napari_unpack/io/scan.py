@@ -71,7 +71,7 @@ class Scan:
         return replace(self, labels=labels, names=None)
 
     def with_spacing(self, spacing: Spacing) -> Scan:
-        """Return the scan with a voxel size that a person says: it is assumed no more."""
+        """Return the scan with the voxel size that a person says; nothing is said of another."""
         return replace(self, spacing=spacing, assumed=assumed_besides_size(self.assumed))
 
 
