@@ -591,12 +591,12 @@ def test_an_output_that_holds_the_input_or_is_a_folder_is_refused_before_the_wor
     image = bag.with_name("image.zarr")
     zarr.create_array(image / "0", shape=(8, 8, 8), dtype="f4", chunks=(8, 8, 8))[...] = 1.0
     before = sorted(p.relative_to(image) for p in image.rglob("*"))
-    (bag.parent / "tables").mkdir()
+    (bag.parent / "tables.csv").mkdir()
     (bag.parent / "found.npz").mkdir()
     for arguments, sentence in (
         ((image / "0", image), "holds the input, which would be lost"),
         ((bag, bag.parent / "found.npz"), "is a folder: choose another output"),
-        ((bag, bag.parent / "a.npz", "--csv", bag.parent / "tables"), "is a folder"),
+        ((bag, bag.parent / "a.npz", "--csv", bag.parent / "tables.csv"), "is a folder"),
     ):
         result = run("segment", *arguments)
         assert result.exit_code == 1

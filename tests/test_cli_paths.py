@@ -33,11 +33,12 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_an_input_in_ones_own_folder_is_not_overwritten_however_it_is_spelled(home: Path) -> None:
+    (home / "link.csv").symlink_to(home / "bag.npz")
     before = {file: file.read_bytes() for file in home.glob("*.*")}
     for source, output, *more in (
         ("~/bag.npz", home / "bag.npz"),
         (home / "bag.npz", "~/bag.npz"),
-        (home / "bag.npz", home / "other.npz", "--csv", "~/bag.npz"),
+        (home / "bag.npz", home / "other.npz", "--csv", "~/link.csv"),
     ):
         result = run("segment", source, output, *more)
         assert result.exit_code == 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -106,6 +107,40 @@ def test_simulate_takes_no_table_of_anothers_for_its_own(tmp_path: Path) -> None
     table.unlink()
     # Another bag in place of the first.
     assert [run(*asked).exit_code for _ in range(2)] == [0, 0]
+
+
+def test_segment_writes_over_no_labels_that_nobody_named(
+    scan: Scan, bag: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delattr(nu, "segment")
+    volume, labels = save_scan(scan, bag.with_name("out.nrrd"))
+    before = labels.read_bytes()
+    # Of another program alone, and as after the same command, when somebody has corrected them.
+    for there in (True, False):
+        told = run("segment", bag, volume)
+        assert told.exit_code == 1
+        assert f"error: {labels} is there and would be overwritten by the labels" in told.stderr
+        assert "choose another output, or move or remove that file first" in told.stderr
+        assert (labels.read_bytes(), volume.exists()) == (before, there)
+        volume.unlink(missing_ok=True)
+
+
+def test_the_table_of_segment_is_a_csv(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(nu, "segment")
+    for name in ("um.xlsx", "um"):
+        told = run("segment", bag, bag.with_name("out.npz"), "--csv", bag.with_name(name))
+        assert (told.exit_code, bag.with_name(name).exists()) == (1, False)
+        assert f"{name}: the output must end in .csv" in told.stderr
+
+
+def test_the_version_is_told() -> None:
+    assert nu.__version__ == metadata.version("napari-unpack")
+    assert "__version__" in dir(nu)
+    told = run("--version")
+    assert (told.exit_code, told.stdout) == (0, f"napari-unpack {nu.__version__}\n")
+    # As before there was an option of its own.
+    assert "See into packed things" in run("--help").stdout
+    assert "See into packed things" in run().output
 
 
 def test_advice_where_nothing_is_found_is_of_options_and_not_of_python(bag: Path) -> None:

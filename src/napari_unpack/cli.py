@@ -5,11 +5,10 @@ from __future__ import annotations
 import functools
 import sys
 import warnings
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable
 from io import TextIOWrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -21,28 +20,30 @@ from napari_unpack.cli_options import (
     Direction,
     Ground,
     Input,
+    LabelledScans,
+    LabelsAt,
     LabelsOption,
     Large,
     NewView,
     Scale,
+    SpacingOption,
     Ticker,
+    Version,
     ViewOption,
     VolumeInput,
     check_output,
+    check_segmentation,
     direction_of,
     expanded,
-    labelled_scan,
+    given_spacing,
+    load_compared,
     load_input,
     open_input,
     picture_file,
     requested_decorations,
     table_beside,
-    tell_labels_beside,
     write_somewhere,
 )
-
-if TYPE_CHECKING:
-    from napari_unpack.io import Scan
 
 app = typer.Typer(
     name="napari-unpack",
@@ -65,6 +66,11 @@ def main() -> None:
     if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == "strict":
         sys.stdout.reconfigure(errors="replace")
     app()
+
+
+@app.callback()
+def _napari_unpack(version: Version = False) -> None:
+    pass
 
 
 def _command(**settings: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -176,23 +182,17 @@ def _segment(
             "found; 16 by default, more where many small things are in it.",
         ),
     ] = None,
+    spacing: SpacingOption = None,
     at: At = None,
     large: Large = False,
 ) -> None:
     """Segment a volume into its objects; from Zarr to Zarr block by block, whatever its size."""
     from napari_unpack import segment
     from napari_unpack.io import save_objects_csv, save_scan
-    from napari_unpack.io.volumes import WRITABLE, check_savable, lost_place, saved_files
+    from napari_unpack.io.volumes import check_savable, lost_place
 
     zarr = output.suffix.lower() == ".zarr"
-    check_output(output, (*WRITABLE, ".zarr"), source, folder=zarr)
-    outputs = [output] if zarr else saved_files(output)
-    for file in outputs[1:]:
-        check_output(file, WRITABLE, source)
-    if csv is not None:
-        check_output(csv, ("",), source)
-        if csv.resolve() in [file.resolve() for file in outputs]:
-            raise ValueError(f"{csv} holds the labels: choose another file for the table")
+    check_segmentation(source, output, csv)
     if zarr:
         from napari_unpack.batches.large_files import segment_zarr
 
@@ -212,6 +212,7 @@ def _segment(
             None if working is None else working * 10**6,
             Ticker(),
             lambda sentence: typer.echo(sentence, err=True),
+            given_spacing(spacing),
         )
         # Saved before anything is said: whoever reads it may have gone.
         if csv is not None:
@@ -222,7 +223,7 @@ def _segment(
     for option, value in (("scheduler", scheduler), ("workers", workers), ("working", working)):
         if value is not None:
             raise ValueError(f"--{option} is for Zarr outputs, and {output} is none")
-    scan = load_input(source, at, large)
+    scan = load_input(source, at, large, spacing)
     check_savable(output, scan.volume)
     if told := lost_place(scan, output):
         typer.echo(f"note: {output.name}: {told}", err=True)
@@ -234,21 +235,6 @@ def _segment(
         if csv is not None:
             write_somewhere(lambda path: [save_objects_csv(found.objects, path)], csv, ".csv")
     typer.echo(f"{len(found.objects)} objects")
-
-
-@dataclass(frozen=True)
-class _Volumes:
-    """Volumes of files, read one after another: there may be hundreds."""
-
-    paths: list[Path]
-    large: bool
-
-    def __len__(self) -> int:
-        return len(self.paths)
-
-    def __iter__(self) -> Iterator[Scan]:
-        for path in self.paths:
-            yield labelled_scan(path, self.large)
 
 
 @_command()
@@ -272,7 +258,7 @@ def _train(
     for path in bags:
         if not path.exists():
             raise FileNotFoundError(f"no such file or folder: {path}")
-    oracle = train(_Volumes(bags, large), seed, Ticker())
+    oracle = train(LabelledScans(bags, large), seed, Ticker())
 
     def save(path: Path) -> list[Path]:
         oracle.save(path)
@@ -295,21 +281,14 @@ def _score(
     boundary: Annotated[
         bool, typer.Option("--boundary", help="Measure distances between boundaries too.")
     ] = False,
+    at: LabelsAt = None,
     large: Large = False,
 ) -> None:
     """Compare labels with the truth, in all and by kind of object."""
-    from napari_unpack.io.labels_on_volume import laid_over
     from napari_unpack.io.scoring import score_report
-    from napari_unpack.io.volumes import load_label_file
 
-    for file in (truth, found):
-        tell_labels_beside(file)
-    # Voxels of the truth count: found labels often come without a voxel size.
-    true = load_label_file(truth, large)
-    seen, said = laid_over(load_label_file(found, large), replace(true, volume=true.labels))
+    true, seen = load_compared(truth, found, at, large)
     assert true.labels is not None, "it was read"
-    if said:
-        typer.echo(f"note: {found.name}: its labels {said}", err=True)
     typer.echo(score_report(true.labels, seen, true.spacing, table, by, boundary))
 
 
@@ -321,6 +300,7 @@ def _order(
     view: ViewOption = None,
     count: Annotated[int, typer.Option(min=0, help="How many objects; 0 for all.")] = 0,
     backend: Backend = "auto",
+    spacing: SpacingOption = None,
     at: At = None,
     large: Large = False,
 ) -> None:
@@ -329,7 +309,7 @@ def _order(
     from napari_unpack.io.headless import unpack_in_order
     from napari_unpack.io.report import volume_unit_of
 
-    session = open_input(source, labels, direction, view, backend, at, large)
+    session = open_input(source, labels, direction, view, backend, at, large, spacing)
     volumes = volume_unit_of(session)
     title = "volume " + volumes.name.replace("³", "3")
     typer.echo(f"{'step':>4}  {'id':>5}  {'name':<24}{title:>14}{'density':>9}")
@@ -366,6 +346,7 @@ def _render(
     box: Box = False,
     scale: Scale = False,
     backend: Backend = "auto",
+    spacing: SpacingOption = None,
     at: At = None,
     large: Large = False,
 ) -> None:
@@ -380,7 +361,7 @@ def _render(
     check_output(output, (".png",), source, labels, picture_file(background))
     check_picture(size)
     decorated = requested_decorations(background, box, scale)
-    session = open_input(source, labels, direction, view, backend, at, large)
+    session = open_input(source, labels, direction, view, backend, at, large, spacing)
     if decorated is not None:
         session.decorations = decorated
     # A plain volume is framed to show all slots, which follow the picture's shape.
@@ -423,6 +404,7 @@ def _movie(
     box: Box = False,
     scale: Scale = False,
     backend: Backend = "auto",
+    spacing: SpacingOption = None,
     at: At = None,
     large: Large = False,
 ) -> None:
@@ -440,7 +422,7 @@ def _movie(
         folder=not output.suffix,
     )
     decorated = requested_decorations(background, box, scale)
-    session = open_input(source, labels, direction, view, backend, at, large)
+    session = open_input(source, labels, direction, view, backend, at, large, spacing)
     if decorated is not None:
         session.decorations = decorated
     path = movie(
@@ -473,6 +455,7 @@ def _table(
         ),
     ] = False,
     backend: Backend = "auto",
+    spacing: SpacingOption = None,
     at: At = None,
     large: Large = False,
 ) -> None:
@@ -481,7 +464,7 @@ def _table(
     from napari_unpack.io.volumes import printable, stem_of
 
     check_output(output, (".csv",) if measurements else (".html", ".csv"), source, labels)
-    session = open_input(source, labels, None, view, backend, at, large)
+    session = open_input(source, labels, None, view, backend, at, large, spacing)
     if measurements:
         if not len(session.measurements):
             typer.echo(f"note: {source.name}: nothing was measured in it", err=True)
@@ -501,6 +484,7 @@ def _web(
     direction: Direction = None,
     view: ViewOption = None,
     backend: Backend = "auto",
+    spacing: SpacingOption = None,
     at: At = None,
     large: Large = False,
 ) -> None:
@@ -509,7 +493,7 @@ def _web(
     from napari_unpack.io.volumes import printable, stem_of
 
     check_output(output, (".html",), source, labels)
-    session = open_input(source, labels, direction, view, backend, at, large)
+    session = open_input(source, labels, direction, view, backend, at, large, spacing)
     title = printable(stem_of(source))
     path = save_interactive_page(session, output, title, Ticker(), backend)
     typer.echo(f"wrote {path}")
@@ -529,6 +513,7 @@ def _surfaces(
     objects: Annotated[
         str | None, typer.Option(metavar="ID,ID", help="Which objects; all without it.")
     ] = None,
+    spacing: SpacingOption = None,
     at: At = None,
     large: Large = False,
 ) -> None:
@@ -538,7 +523,7 @@ def _surfaces(
     from napari_unpack.io.surfaces import FORMATS, checked_surfaces_path, save_surfaces
 
     check_output(checked_surfaces_path(output), FORMATS, source, labels, folder=not output.suffix)
-    session = open_input(source, labels, None, None, "auto", at, large)
+    session = open_input(source, labels, None, None, "auto", at, large, spacing)
     ids = None
     if objects is not None:
         known = {session.label_of(i): i for i in session.ids}

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,8 +14,12 @@ import typer
 from napari_unpack.geometry.view import FROM_ABOVE, View
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from napari_unpack.appearance import Decorations
     from napari_unpack.io import Scan
+    from napari_unpack.io.file_data import FileData
+    from napari_unpack.io.scan import Spacing
     from napari_unpack.session import Session
 
 _VOLUME = "Volume: .npz, .npy, NIfTI, MetaImage, NRRD, TIFF, DICOM folder or file, OME-Zarr"
@@ -32,7 +36,25 @@ At = Annotated[
     typer.Option(
         "--at",
         metavar="AXIS=N",
-        help="Which channel or time point, where INPUT holds several: c=1, or t=0,c=1.",
+        help="Which channel or time point, where INPUT or its labels hold several: c=1, or "
+        "t=0,c=1.",
+    ),
+]
+LabelsAt = Annotated[
+    str | None,
+    typer.Option(
+        "--at",
+        metavar="AXIS=N",
+        help="Which channel or time point, where TRUTH or FOUND holds several: t=1.",
+    ),
+]
+SpacingOption = Annotated[
+    str | None,
+    typer.Option(
+        "--spacing",
+        metavar="'Z Y X'",
+        help="Voxel size in mm instead of what INPUT says, such as '2 0.5 0.5', or one number for "
+        "all three.",
     ),
 ]
 Large = Annotated[
@@ -60,6 +82,22 @@ ViewOption = Annotated[
     typer.Option("--view", metavar="Z Y X", help=f"{_LOOKING}, or a session's."),
 ]
 Backend = Annotated[str, typer.Option(help="What renders: auto, cpu or gl.")]
+
+
+def _tell_version(asked: bool) -> None:
+    if asked:
+        from napari_unpack import __version__
+
+        typer.echo(f"napari-unpack {__version__}")
+        raise typer.Exit
+
+
+Version = Annotated[
+    bool,
+    typer.Option(
+        "--version", callback=_tell_version, is_eager=True, help="Print the version and stop."
+    ),
+]
 
 
 def expanded(value: Any) -> Any:
@@ -92,7 +130,7 @@ class Ticker:
             typer.echo(f"{fraction:4.0%}  {text}", err=True)
 
 
-def load_input(source: Path, at: str | None, large: bool = False) -> Scan:
+def load_input(source: Path, at: str | None, large: bool, spacing: str | None) -> Scan:
     """Return the volume of a file; say on stderr what had to be assumed of it.
 
     Parameters
@@ -102,14 +140,62 @@ def load_input(source: Path, at: str | None, large: bool = False) -> Scan:
         As the option takes it.
     large : bool
         As for `load_volume`.
+    spacing : str, optional
+        As the option takes it.
 
     Raises
     ------
     ValueError
-        If `at` is not as the option wants it; else as for `load_volume`.
+        If `at` or `spacing` is not as the option wants it; else as for `load_volume`.
     """
+    return _resized(_stored_input(source, at, large, spacing), spacing)
+
+
+def _stored_input(source: Path, at: str | None, large: bool, spacing: str | None) -> Scan:
+    """Return the volume of a file with the voxel size that the file gives it."""
+    from napari_unpack.geometry.length_unit import SIZE_ASSUMED
     from napari_unpack.io import load_volume
 
+    given_spacing(spacing)
+    scan = load_volume(source, chosen_elements(at), large)
+    # What is given need not be assumed, nor said of the labels.
+    scan = replace(scan, assumed=_resized(scan, spacing).assumed)
+    advice = "; --spacing 'Z Y X' gives it in mm"
+    _tell_assumed(source, (s + advice if SIZE_ASSUMED.search(s) else s for s in scan.assumed))
+    return scan
+
+
+def _resized(scan: Scan, spacing: str | None) -> Scan:
+    given = given_spacing(spacing)
+    return scan if given is None else scan.with_spacing(given)
+
+
+def given_spacing(spacing: str | None) -> Spacing | None:
+    """Return the voxel size that is given; None where none is.
+
+    Parameters
+    ----------
+    spacing : str, optional
+        As the option takes it.
+    """
+    from napari_unpack.io.scan import spacing_from
+
+    return None if spacing is None else spacing_from(spacing, "--spacing")
+
+
+def chosen_elements(at: str | None) -> dict[str, int]:
+    """Return which channel or time point is meant, by the letter of its axis.
+
+    Parameters
+    ----------
+    at : str, optional
+        As the option takes it.
+
+    Raises
+    ------
+    ValueError
+        If it is not as the option wants it.
+    """
     chosen = {}
     for part in at.split(",") if at else ():
         axis, _, number = part.partition("=")
@@ -117,14 +203,49 @@ def load_input(source: Path, at: str | None, large: bool = False) -> Scan:
         if not number.strip().isdecimal():
             raise ValueError(f"--at must be like c=1 or t=0,c=1, got {at!r}")
         chosen[axis.strip()] = int(number)
-    scan = load_volume(source, chosen, large)
-    _tell_assumed(source, scan.assumed)
-    return scan
+    return chosen
 
 
-def _tell_assumed(source: Path, assumed: tuple[str, ...]) -> None:
+def _tell_assumed(source: Path, assumed: Iterable[str]) -> None:
     for sentence in assumed:
         typer.echo(f"note: {source.name}: {sentence}", err=True)
+
+
+def load_compared(
+    truth: Path, found: Path, at: str | None, large: bool
+) -> tuple[FileData, NDArray[Any]]:
+    """Return true labels with all that their file says, and those that were found, laid over them.
+
+    Parameters
+    ----------
+    truth, found : Path
+        Files of labels.
+    at : str, optional
+        As the option takes it; goes for whichever has that axis.
+    large : bool
+        As for `load_volume`.
+
+    Raises
+    ------
+    ValueError
+        If `at` is not as the option wants it, or neither file has such an axis; else as for
+        `load_labels`.
+    """
+    from napari_unpack.io.labels_on_volume import laid_over
+    from napari_unpack.io.volumes import load_label_file
+
+    chosen = chosen_elements(at)
+    for file in (truth, found):
+        tell_labels_beside(file)
+    # Voxels of the truth count: found labels often come without a voxel size.
+    true, other = (load_label_file(file, large, chosen) for file in (truth, found))
+    unknown = sorted(set(chosen) - {*true.axes, *other.axes})
+    if unknown:
+        raise ValueError(f"neither {truth} nor {found} has an axis {', '.join(unknown)}: see --at")
+    seen, said = laid_over(other, replace(true, volume=true.labels))
+    if said:
+        typer.echo(f"note: {found.name}: its labels {said}", err=True)
+    return true, seen
 
 
 def tell_labels_beside(file: Path) -> None:
@@ -141,30 +262,40 @@ def tell_labels_beside(file: Path) -> None:
             )
 
 
-def labelled_scan(path: Path, large: bool) -> Scan:
-    """Return a volume with labels to learn from.
+@dataclass(frozen=True)
+class LabelledScans:
+    """Volumes with labels to learn from, read one after another: there may be hundreds.
 
     Parameters
     ----------
-    path : Path
+    paths : list of Path
+        Reading one raises `ValueError` where neither it nor a file beside it has labels.
     large : bool
         As for `load_volume`.
-
-    Raises
-    ------
-    ValueError
-        If neither the file nor one beside it has labels of its objects.
     """
+
+    paths: list[Path]
+    large: bool
+
+    def __len__(self) -> int:
+        return len(self.paths)
+
+    def __iter__(self) -> Iterator[Scan]:
+        for path in self.paths:
+            yield _labelled_scan(path, self.large)
+
+
+def _labelled_scan(path: Path, large: bool) -> Scan:
     from napari_unpack.io import load_volume
 
-    scan = _with_labels_beside(load_volume(path, large=large), path, large)
+    scan = _with_labels_beside(load_volume(path, large=large), path, large, {})
     if scan.labels is None or not scan.labels.any():
         raise ValueError(f"{path} needs labels to learn from: segment it first")
     return scan
 
 
 def _with_labels_beside(
-    scan: Scan, source: Path, large: bool, more: str = "", instead: str = ""
+    scan: Scan, source: Path, large: bool, at: dict[str, int], more: str = "", instead: str = ""
 ) -> Scan:
     """Return a scan without labels with those that lie beside its file, as `segment` writes them.
 
@@ -181,7 +312,7 @@ def _with_labels_beside(
     try:
         # A copy of both may have been made in either order.
         older = file.stat().st_mtime < source.stat().st_mtime
-        found = scan_with_label_file(scan, file, large)
+        found = scan_with_label_file(scan, file, large, at)
     except (ValueError, OSError, ImportError, MemoryError) as error:
         _tell_assumed(source, (f"{file.name} beside it is left out: {error}{instead}",))
         return scan
@@ -199,6 +330,7 @@ def open_input(
     backend: str,
     at: str | None = None,
     large: bool = False,
+    spacing: str | None = None,
 ) -> Session:
     """Return the session of a file: a saved one, or a new one on a volume.
 
@@ -215,11 +347,13 @@ def open_input(
         Which channel or time point, see `load_input`.
     large : bool
         As for `load_volume`.
+    spacing : str, optional
+        Voxel size, see `load_input`.
 
     Raises
     ------
     ValueError
-        If labels, or a channel or time point, are given beside a saved session.
+        If labels, a channel or time point, or a voxel size are given beside a saved session.
     """
     # Imported late: these load numba, which takes longer than `--help` should.
     from napari_unpack.io import open_session
@@ -233,6 +367,8 @@ def open_input(
             raise ValueError("a session has labels of its own: leave --labels out")
         if at is not None:
             raise ValueError("a session is of one channel and time point: leave --at out")
+        if spacing is not None:
+            raise ValueError("a session has a voxel size of its own: leave --spacing out")
         session = open_session(source, progress=Ticker(), large=large)
         _tell_assumed(source, session.assumed)
         # A session saved while an object was inspected: commands work on the bag.
@@ -243,17 +379,20 @@ def open_input(
         if direction is not None:
             session.direction = direction_of(direction)
         return session
-    scan = load_input(source, at, large)
+    # By what the files say labels lie on their volume: they may have one wrong size.
+    scan = _stored_input(source, at, large, spacing)
     if labels is not None:
         tell_labels_beside(labels)
         known = len(scan.assumed)
-        scan = scan_with_label_file(scan, labels, large)
+        scan = scan_with_label_file(scan, labels, large, chosen_elements(at))
         _tell_assumed(source, scan.assumed[known:])
         if is_segmentation(labels):
             scan = replace(scan, names=segment_names(labels))
     else:
         anew = "; it is segmented anew, unless --labels names labels"
-        scan = _with_labels_beside(scan, source, large, "; --labels takes others", anew)
+        more = "; --labels takes others"
+        scan = _with_labels_beside(scan, source, large, chosen_elements(at), more, anew)
+    scan = _resized(scan, spacing)
     return open_scan(scan, view or FROM_ABOVE, direction_of(direction), Ticker(), backend)
 
 
@@ -300,6 +439,45 @@ def check_output(
     if os.path.isdir(path) and not folder:
         raise ValueError(f"{path} is a folder: choose another output")
     check_writable(path)
+
+
+def check_segmentation(source: Path, output: Path, csv: Path | None) -> None:
+    """Refuse outputs of `segment` that cannot be written, or whose place is another's.
+
+    Parameters
+    ----------
+    source : Path
+        What is segmented.
+    output : Path
+        Where volume and labels go.
+    csv : Path, optional
+        Where the table goes.
+
+    Raises
+    ------
+    ValueError
+        If a file of labels is there that nobody named, the table is to be written over the
+        labels or is no .csv, and as for `check_output`.
+    FileNotFoundError, PermissionError
+        As for `check_output`.
+    """
+    from napari_unpack.io.volumes import WRITABLE, saved_files
+
+    zarr = output.suffix.lower() == ".zarr"
+    check_output(output, (*WRITABLE, ".zarr"), source, folder=zarr)
+    outputs = [output] if zarr else saved_files(output)
+    for labels in outputs[1:]:
+        check_output(labels, WRITABLE, source)
+        # Even where they were written by the same command: they may have been corrected since.
+        if os.path.exists(labels):
+            raise ValueError(
+                f"{labels} is there and would be overwritten by the labels that are found: "
+                "choose another output, or move or remove that file first"
+            )
+    if csv is not None:
+        if csv.resolve() in [file.resolve() for file in outputs]:
+            raise ValueError(f"{csv} holds the labels: choose another file for the table")
+        check_output(csv, (".csv",), source)
 
 
 def table_beside(output: Path) -> Path:

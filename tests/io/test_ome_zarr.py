@@ -56,6 +56,13 @@ def test_each_time_point_has_its_own_labels(tmp_path: Path, axes: str) -> None:
     laid = scan_with_label_file(load_volume(path, {"t": 1} | channel), path)
     np.testing.assert_array_equal(laid.labels, LABELS[0])
     assert laid.assumed == ("its labels are those of the first of 2 time points",)
+    chosen = {"t": 1} | channel
+    laid = scan_with_label_file(load_volume(path, chosen), path, at=chosen)
+    np.testing.assert_array_equal(laid.labels, LABELS[1])
+    assert laid.assumed == ()
+    np.testing.assert_array_equal(load_labels(path, at={"t": 1})[0], LABELS[1])
+    with pytest.raises(ValueError, match="holds 2 time points, numbered from 0: there is no t=2"):
+        load_labels(path, at={"t": 2})
     image, labels = read_layers(str(path))
     assert image[1]["axis_labels"] == labels[1]["axis_labels"] == tuple(axes)
     there = {"tzyx": (1,), "tczyx": (1, 2), "ctzyx": (2, 1)}[axes]

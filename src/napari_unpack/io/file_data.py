@@ -114,11 +114,7 @@ class FileData:
                     f"{source} holds {_counted(shape[axis], axis)} ({_described(shape)}): "
                     f"choose one, from 0 to {shape[axis] - 1}, such as {axis}=0"
                 )
-            if not 0 <= element < shape[axis]:
-                raise ValueError(
-                    f"{source} holds {_counted(shape[axis], axis)}, numbered from 0: there is "
-                    f"no {axis}={element}"
-                )
+            checked_element(axis, element, shape[axis], source)
         unknown = sorted(set(at) - set(chosen))
         if unknown:
             raise ValueError(
@@ -146,6 +142,31 @@ class FileData:
 def size_text(spacing: Spacing) -> str:
     """Return a voxel size as it is told, to more digits than anybody measures."""
     return " x ".join(f"{mm:.5g}" for mm in spacing) + " mm"
+
+
+def checked_element(axis: str, element: int, length: int, source: object) -> int:
+    """Return the number of a channel or time point that is there.
+
+    Parameters
+    ----------
+    axis : str
+        Its letter.
+    element, length : int
+        Which one, of how many.
+    source : object
+        The file's name, for messages.
+
+    Raises
+    ------
+    ValueError
+        If it is not there.
+    """
+    if not 0 <= element < length:
+        raise ValueError(
+            f"{source} holds {_counted(length, axis)}, numbered from 0: there is no "
+            f"{axis}={element}"
+        )
+    return element
 
 
 def axis_name(axis: str) -> str:

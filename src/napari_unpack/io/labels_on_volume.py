@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.axes import Matrix
 from napari_unpack.geometry.rays import world_from_voxel
-from napari_unpack.io.file_data import FIRST_LABELS, FileData, size_text
+from napari_unpack.io.file_data import FIRST_LABELS, NO_VOXEL_SIZE, FileData, size_text
 from napari_unpack.io.scan import Scan
 from napari_unpack.io.volumes import load_label_file, printable
 
@@ -24,7 +25,9 @@ _BY_VOXEL = "they were laid over it voxel by voxel"
 _WOULD = "(.nrrd, .nii.gz and .mha would)"
 
 
-def scan_with_label_file(scan: Scan, path: Path, large: bool = False) -> Scan:
+def scan_with_label_file(
+    scan: Scan, path: Path, large: bool = False, at: Mapping[str, int] | None = None
+) -> Scan:
     """Return a scan with the labels of a file, turned onto it where both say how they lie.
 
     Parameters
@@ -34,12 +37,14 @@ def scan_with_label_file(scan: Scan, path: Path, large: bool = False) -> Scan:
         What `load_labels` reads.
     large : bool
         As for `load_volume`.
+    at : mapping of str to int, optional
+        As for `load_labels`.
 
     Returns
     -------
     Scan
-        Without names. Where the labels do not lie on the volume, or are of the first of several
-        time points, `assumed` says so.
+        Without names. Where the labels do not lie on the volume, are of the first of several time
+        points, or have a voxel size that it lacks, `assumed` says so.
 
     Raises
     ------
@@ -52,11 +57,14 @@ def scan_with_label_file(scan: Scan, path: Path, large: bool = False) -> Scan:
         scanner_from_scan=scan.scanner_from_scan,
         turned=scan.turned,
     )
-    found = load_label_file(path, large)
+    found = load_label_file(path, large, at)
     labels, said = laid_over(found, whole)
     labels = np.ascontiguousarray(labels)
     told = [words for words in found.assumed if words.startswith(FIRST_LABELS)]
     told += [f"its labels ({printable(path.name)}) {said}"] if said else []
+    if NO_VOXEL_SIZE in scan.assumed and NO_VOXEL_SIZE not in found.assumed and not said:
+        size = size_text(found.spacing)
+        told.append(f"its labels ({printable(path.name)}) give {size} where 1 mm was assumed")
     return replace(scan.with_labels(labels), assumed=(*scan.assumed, *told))
 
 

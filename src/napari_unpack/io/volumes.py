@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from napari_unpack.atomic import check_space, check_writable, checked_target, given_path
 from napari_unpack.file_sizes import check_plain_file
 from napari_unpack.io.arrays import read_names, read_npy, read_npz, write_npz
-from napari_unpack.io.file_data import FIRST_LABELS, FileData
+from napari_unpack.io.file_data import FIRST_LABELS, FileData, checked_element
 from napari_unpack.io.scan import Scan, Spacing, checked_label_array, checked_scan
 from napari_unpack.read_errors import read_errors_told
 
@@ -89,7 +89,9 @@ def load_volume(path: str | Path, at: Mapping[str, int] | None = None, large: bo
     )
 
 
-def load_labels(path: str | Path, large: bool = False) -> tuple[NDArray[Any], Spacing]:
+def load_labels(
+    path: str | Path, large: bool = False, at: Mapping[str, int] | None = None
+) -> tuple[NDArray[Any], Spacing]:
     """Open a (Z, Y, X) label volume and its voxel size, mm z y x.
 
     They are as their file has them, which may be along other axes than a volume's:
@@ -99,9 +101,11 @@ def load_labels(path: str | Path, large: bool = False) -> tuple[NDArray[Any], Sp
     ----------
     path : str or Path
         As for `load_volume`. Of an .npz or OME-Zarr with both, the labels are taken; those of the
-        first time point where each has its own.
+        first time point where each has its own and none is chosen.
     large : bool
         As for `load_volume`.
+    at : mapping of str to int, optional
+        Which channel or time point, where a file has several; axes that it lacks are passed over.
 
     Raises
     ------
@@ -110,17 +114,24 @@ def load_labels(path: str | Path, large: bool = False) -> tuple[NDArray[Any], Sp
         labels, and if its labels are of another shape than its volume. An OME-Zarr image without
         labels is taken for labels: many programs write theirs without saying so.
     """
-    found = load_label_file(path, large)
+    found = load_label_file(path, large, at)
     assert found.labels is not None, "it was checked"
     return found.labels, found.spacing
 
 
-def load_label_file(path: str | Path, large: bool = False) -> FileData:
+def load_label_file(
+    path: str | Path, large: bool = False, at: Mapping[str, int] | None = None
+) -> FileData:
     """Open a label volume with all that its file says of it.
 
     Parameters
     ----------
-    path, large : see `load_labels`
+    path, large, at : see `load_labels`
+
+    Returns
+    -------
+    FileData
+        Without a volume; `axes` are those of the file, before one of its volumes was chosen.
 
     Raises
     ------
@@ -130,12 +141,14 @@ def load_label_file(path: str | Path, large: bool = False) -> FileData:
     found = read_file(path, large)
     if found.labels is None and found.is_density:
         raise ValueError(f"{path} holds a volume without labels that fit it: name a file of labels")
-    array = found.labels if found.labels is not None else found.one_volume({}, path).volume
+    chosen = {axis: element for axis, element in (at or {}).items() if axis in found.axes}
+    array = found.labels if found.labels is not None else found.one_volume(chosen, path).volume
     assert array is not None, "every reader gives one of them"
     assumed = found.assumed
     if found.labels is not None and "t" in found.axes and array.ndim == 4:
-        assumed += (f"{FIRST_LABELS} {len(array)} time points",)
-        array = array[0]
+        if "t" not in chosen:
+            assumed += (f"{FIRST_LABELS} {len(array)} time points",)
+        array = array[checked_element("t", chosen.get("t", 0), len(array), path)]
     labels = checked_label_array(array, path)
     return replace(found, volume=None, labels=labels, assumed=assumed)
 
