@@ -57,14 +57,16 @@ def read_slices(folder: Path, large: bool = False) -> FileData:
     paths = slices_in(folder)
     check_stack_size(paths, large)
     first = read_file(paths[0], large)
-    planes = []
+    planes: list[NDArray[Any]] = []
     for path in paths:
         volume = read_file(path, large).volume
-        plane = np.squeeze(volume) if volume is not None else None
-        if plane is None or plane.ndim != 2:
+        assert volume is not None, "a TIFF holds nothing else"
+        # ImageJ's may say that it is a stack of one.
+        plane = volume.squeeze()
+        if plane.ndim != 2:
             raise ValueError(
                 f"the TIFFs in {folder} must be slices, one grey picture each, and {path.name} has "
-                f"the shape {np.shape(volume)}: name a file instead of its folder"
+                f"the shape {volume.shape}: name a file instead of its folder"
             )
         if planes and (plane.shape, plane.dtype) != (planes[0].shape, planes[0].dtype):
             raise ValueError(
