@@ -8,9 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 import tifffile
+import zarr
 from typer.testing import CliRunner
 
+import napari_unpack as nu
 from napari_unpack.cli import app
+from napari_unpack.io import Scan, save_scan, save_session
 
 LABELS = np.zeros((2, 12, 14, 20), np.uint8)
 LABELS[0, 3:9, 3:11, 3:9], LABELS[0, 3:9, 3:11, 11:17] = 1, 2
@@ -65,3 +68,83 @@ def test_a_score_is_of_the_time_point_that_is_chosen(tmp_path: Path) -> None:
     ):
         told = run("score", *files, "--at", at)
         assert (told.exit_code, sentence in told.stderr) == (1, True)
+
+
+@pytest.fixture
+def bare(tmp_path: Path) -> tuple[Path, Path]:
+    """A volume and its labels, of which neither file says how large voxels are."""
+    for name, array in (("v", (LABELS[0] > 0) * np.uint16(1000)), ("l", LABELS[0])):
+        np.save(tmp_path / f"{name}.npy", array)
+    return tmp_path / "v.npy", tmp_path / "l.npy"
+
+
+def volumes(result: Any) -> set[str]:
+    return {line.split()[4] for line in result.stdout.splitlines()[1:]}
+
+
+def test_a_voxel_size_that_is_given_is_not_assumed(bare: tuple[Path, Path]) -> None:
+    volume, labels = bare
+    told = order(volume, "--labels", labels)
+    note = "note: v.npy: it gives no voxel size: 1 mm was assumed; --spacing 'Z Y X' gives it in mm"
+    assert (volumes(told), told.stderr) == ({"288"}, f"{note}\n")
+    for size in ("2 0.5 0.5", "2,.5,.5", "[2, 0.5, 0.5]", "2 x 0.5 x 0.5"):
+        told = order(volume, "--labels", labels, "--spacing", size)
+        assert (volumes(told), told.stderr) == ({"144"}, "")
+    # One number is that of all three, and a file's own size counts no more.
+    sized = save_scan(Scan(np.load(volume), (3, 3, 3), LABELS[0]), volume.with_name("sized.npz"))[0]
+    assert volumes(order(sized, "--spacing", "0.5")) == {"36.0"}
+
+
+def test_every_command_on_one_volume_takes_its_voxel_size(
+    bare: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    volume, labels = bare
+
+    def opened(scan: Scan, *_: object) -> None:
+        raise ValueError(f"opened with {scan.spacing} and {scan.assumed}")
+
+    def segmented(array: np.ndarray, spacing: tuple[float, ...], **_: object) -> None:
+        raise ValueError(f"opened with {tuple(spacing)} and ()")
+
+    monkeypatch.setattr("napari_unpack.io.headless.open_scan", opened)
+    monkeypatch.setattr("napari_unpack.segmentation.segment", segmented)
+    image = volume.with_name("image.zarr")
+    zarr.create_array(str(image), data=np.load(volume))
+    named = ("--labels", labels)
+    for words in (
+        ("segment", volume, volume.with_name("o.npz")),
+        ("segment", image, volume.with_name("o.zarr")),
+        ("order", volume, *named),
+        ("render", volume, volume.with_name("o.png"), *named),
+        ("movie", volume, volume.with_name("o.gif"), *named),
+        ("table", volume, volume.with_name("o.csv"), *named),
+        ("web", volume, volume.with_name("o.html"), *named),
+        ("surfaces", volume, volume.with_name("o.stl"), *named),
+    ):
+        told = run(*words, "--spacing", "2 1 0.5")
+        assert told.stderr == "error: opened with (2.0, 1.0, 0.5) and ()\n"
+        for wrong in ("x", "1 2", "0", "1 nan 1", "-1 1 1", ""):
+            told = run(*words, "--spacing", wrong)
+            assert told.exit_code == 1
+            assert told.stderr == (
+                "error: --spacing must give the voxel size as 'z y x' in mm, or as one number for "
+                f"all three, got {wrong!r}\n"
+            )
+
+
+def test_a_saved_session_keeps_its_voxel_size(bare: tuple[Path, Path]) -> None:
+    saved = bare[0].with_name("bag.unpack")
+    save_session(nu.Session(np.load(bare[0]), LABELS[0]), saved)
+    told = run("order", saved, "--spacing", "2")
+    assert told.exit_code == 1
+    assert "a session has a voxel size of its own: leave --spacing out" in told.stderr
+
+
+def test_a_voxel_size_that_labels_alone_have_is_told(bare: tuple[Path, Path]) -> None:
+    pytest.importorskip("SimpleITK")
+    volume = bare[0]
+    labels = save_scan(Scan(LABELS[0], (2.0, 0.5, 0.5)), volume.with_name("mine.nrrd"))[0]
+    told = order(volume, "--labels", labels)
+    note = "note: v.npy: its labels (mine.nrrd) give 2 x 0.5 x 0.5 mm where 1 mm was assumed\n"
+    assert told.stderr.endswith(note)
+    assert order(volume, "--labels", labels, "--spacing", "2 0.5 0.5").stderr == ""

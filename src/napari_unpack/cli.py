@@ -26,6 +26,7 @@ from napari_unpack.cli_options import (
     Large,
     NewView,
     Scale,
+    SpacingOption,
     Ticker,
     ViewOption,
     VolumeInput,
@@ -33,6 +34,7 @@ from napari_unpack.cli_options import (
     check_segmentation,
     direction_of,
     expanded,
+    given_spacing,
     load_compared,
     load_input,
     open_input,
@@ -174,6 +176,7 @@ def _segment(
             "found; 16 by default, more where many small things are in it.",
         ),
     ] = None,
+    spacing: SpacingOption = None,
     at: At = None,
     large: Large = False,
 ) -> None:
@@ -203,6 +206,7 @@ def _segment(
             None if working is None else working * 10**6,
             Ticker(),
             lambda sentence: typer.echo(sentence, err=True),
+            given_spacing(spacing),
         )
         # Saved before anything is said: whoever reads it may have gone.
         if csv is not None:
@@ -213,7 +217,7 @@ def _segment(
     for option, value in (("scheduler", scheduler), ("workers", workers), ("working", working)):
         if value is not None:
             raise ValueError(f"--{option} is for Zarr outputs, and {output} is none")
-    scan = load_input(source, at, large)
+    scan = load_input(source, at, large, spacing)
     check_savable(output, scan.volume)
     found = segment(scan.volume, scan.spacing, progress=Ticker(), smallest=smallest, grainy=grainy)
     labelled = scan.with_labels(found.labels)
@@ -288,6 +292,7 @@ def _order(
     view: ViewOption = None,
     count: Annotated[int, typer.Option(min=0, help="How many objects; 0 for all.")] = 0,
     backend: Backend = "auto",
+    spacing: SpacingOption = None,
     at: At = None,
     large: Large = False,
 ) -> None:
@@ -296,7 +301,7 @@ def _order(
     from napari_unpack.io.headless import unpack_in_order
     from napari_unpack.io.report import volume_unit_of
 
-    session = open_input(source, labels, direction, view, backend, at, large)
+    session = open_input(source, labels, direction, view, backend, at, large, spacing)
     volumes = volume_unit_of(session)
     title = "volume " + volumes.name.replace("³", "3")
     typer.echo(f"{'step':>4}  {'id':>5}  {'name':<24}{title:>14}{'density':>9}")
@@ -333,6 +338,7 @@ def _render(
     box: Box = False,
     scale: Scale = False,
     backend: Backend = "auto",
+    spacing: SpacingOption = None,
     at: At = None,
     large: Large = False,
 ) -> None:
@@ -347,7 +353,7 @@ def _render(
     check_output(output, (".png",), source, labels, picture_file(background))
     check_picture(size)
     decorated = requested_decorations(background, box, scale)
-    session = open_input(source, labels, direction, view, backend, at, large)
+    session = open_input(source, labels, direction, view, backend, at, large, spacing)
     if decorated is not None:
         session.decorations = decorated
     # A plain volume is framed to show all slots, which follow the picture's shape.
@@ -390,6 +396,7 @@ def _movie(
     box: Box = False,
     scale: Scale = False,
     backend: Backend = "auto",
+    spacing: SpacingOption = None,
     at: At = None,
     large: Large = False,
 ) -> None:
@@ -407,7 +414,7 @@ def _movie(
         folder=not output.suffix,
     )
     decorated = requested_decorations(background, box, scale)
-    session = open_input(source, labels, direction, view, backend, at, large)
+    session = open_input(source, labels, direction, view, backend, at, large, spacing)
     if decorated is not None:
         session.decorations = decorated
     path = movie(
@@ -440,6 +447,7 @@ def _table(
         ),
     ] = False,
     backend: Backend = "auto",
+    spacing: SpacingOption = None,
     at: At = None,
     large: Large = False,
 ) -> None:
@@ -448,7 +456,7 @@ def _table(
     from napari_unpack.io.volumes import printable, stem_of
 
     check_output(output, (".csv",) if measurements else (".html", ".csv"), source, labels)
-    session = open_input(source, labels, None, view, backend, at, large)
+    session = open_input(source, labels, None, view, backend, at, large, spacing)
     if measurements:
         if not len(session.measurements):
             typer.echo(f"note: {source.name}: nothing was measured in it", err=True)
@@ -468,6 +476,7 @@ def _web(
     direction: Direction = None,
     view: ViewOption = None,
     backend: Backend = "auto",
+    spacing: SpacingOption = None,
     at: At = None,
     large: Large = False,
 ) -> None:
@@ -476,7 +485,7 @@ def _web(
     from napari_unpack.io.volumes import printable, stem_of
 
     check_output(output, (".html",), source, labels)
-    session = open_input(source, labels, direction, view, backend, at, large)
+    session = open_input(source, labels, direction, view, backend, at, large, spacing)
     title = printable(stem_of(source))
     path = save_interactive_page(session, output, title, Ticker(), backend)
     typer.echo(f"wrote {path}")
@@ -496,6 +505,7 @@ def _surfaces(
     objects: Annotated[
         str | None, typer.Option(metavar="ID,ID", help="Which objects; all without it.")
     ] = None,
+    spacing: SpacingOption = None,
     at: At = None,
     large: Large = False,
 ) -> None:
@@ -505,7 +515,7 @@ def _surfaces(
     from napari_unpack.io.surfaces import FORMATS, checked_surfaces_path, save_surfaces
 
     check_output(checked_surfaces_path(output), FORMATS, source, labels, folder=not output.suffix)
-    session = open_input(source, labels, None, None, "auto", at, large)
+    session = open_input(source, labels, None, None, "auto", at, large, spacing)
     ids = None
     if objects is not None:
         known = {session.label_of(i): i for i in session.ids}

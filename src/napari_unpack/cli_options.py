@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from napari_unpack.appearance import Decorations
     from napari_unpack.io import Scan
     from napari_unpack.io.file_data import FileData
+    from napari_unpack.io.scan import Spacing
     from napari_unpack.session import Session
 
 _VOLUME = "Volume: .npz, .npy, NIfTI, MetaImage, NRRD, TIFF, DICOM folder or file, OME-Zarr"
@@ -45,6 +46,15 @@ LabelsAt = Annotated[
         "--at",
         metavar="AXIS=N",
         help="Which channel or time point, where TRUTH or FOUND holds several: t=1.",
+    ),
+]
+SpacingOption = Annotated[
+    str | None,
+    typer.Option(
+        "--spacing",
+        metavar="'Z Y X'",
+        help="Voxel size in mm instead of what INPUT says, such as '2 0.5 0.5', or one number for "
+        "all three.",
     ),
 ]
 Large = Annotated[
@@ -104,7 +114,7 @@ class Ticker:
             typer.echo(f"{fraction:4.0%}  {text}", err=True)
 
 
-def load_input(source: Path, at: str | None, large: bool = False) -> Scan:
+def load_input(source: Path, at: str | None, large: bool, spacing: str | None) -> Scan:
     """Return the volume of a file; say on stderr what had to be assumed of it.
 
     Parameters
@@ -114,17 +124,47 @@ def load_input(source: Path, at: str | None, large: bool = False) -> Scan:
         As the option takes it.
     large : bool
         As for `load_volume`.
+    spacing : str, optional
+        As the option takes it.
 
     Raises
     ------
     ValueError
-        If `at` is not as the option wants it; else as for `load_volume`.
+        If `at` or `spacing` is not as the option wants it; else as for `load_volume`.
     """
+    return _resized(_stored_input(source, at, large, spacing), spacing)
+
+
+def _stored_input(source: Path, at: str | None, large: bool, spacing: str | None) -> Scan:
+    """Return the volume of a file with the voxel size that the file gives it."""
+    from napari_unpack.geometry.length_unit import SIZE_ASSUMED
     from napari_unpack.io import load_volume
 
+    given_spacing(spacing)
     scan = load_volume(source, chosen_elements(at), large)
-    _tell_assumed(source, scan.assumed)
+    # What is given need not be assumed, nor said of the labels.
+    scan = replace(scan, assumed=_resized(scan, spacing).assumed)
+    advice = "; --spacing 'Z Y X' gives it in mm"
+    _tell_assumed(source, (s + advice if SIZE_ASSUMED.search(s) else s for s in scan.assumed))
     return scan
+
+
+def _resized(scan: Scan, spacing: str | None) -> Scan:
+    given = given_spacing(spacing)
+    return scan if given is None else scan.with_spacing(given)
+
+
+def given_spacing(spacing: str | None) -> Spacing | None:
+    """Return the voxel size that is given; None where none is.
+
+    Parameters
+    ----------
+    spacing : str, optional
+        As the option takes it.
+    """
+    from napari_unpack.io.scan import spacing_from
+
+    return None if spacing is None else spacing_from(spacing, "--spacing")
 
 
 def chosen_elements(at: str | None) -> dict[str, int]:
@@ -150,7 +190,7 @@ def chosen_elements(at: str | None) -> dict[str, int]:
     return chosen
 
 
-def _tell_assumed(source: Path, assumed: tuple[str, ...]) -> None:
+def _tell_assumed(source: Path, assumed: Iterable[str]) -> None:
     for sentence in assumed:
         typer.echo(f"note: {source.name}: {sentence}", err=True)
 
@@ -274,6 +314,7 @@ def open_input(
     backend: str,
     at: str | None = None,
     large: bool = False,
+    spacing: str | None = None,
 ) -> Session:
     """Return the session of a file: a saved one, or a new one on a volume.
 
@@ -290,11 +331,13 @@ def open_input(
         Which channel or time point, see `load_input`.
     large : bool
         As for `load_volume`.
+    spacing : str, optional
+        Voxel size, see `load_input`.
 
     Raises
     ------
     ValueError
-        If labels, or a channel or time point, are given beside a saved session.
+        If labels, a channel or time point, or a voxel size are given beside a saved session.
     """
     # Imported late: these load numba, which takes longer than `--help` should.
     from napari_unpack.io import open_session
@@ -308,6 +351,8 @@ def open_input(
             raise ValueError("a session has labels of its own: leave --labels out")
         if at is not None:
             raise ValueError("a session is of one channel and time point: leave --at out")
+        if spacing is not None:
+            raise ValueError("a session has a voxel size of its own: leave --spacing out")
         session = open_session(source, progress=Ticker(), large=large)
         _tell_assumed(source, session.assumed)
         # A session saved while an object was inspected: commands work on the bag.
@@ -318,7 +363,8 @@ def open_input(
         if direction is not None:
             session.direction = direction_of(direction)
         return session
-    scan = load_input(source, at, large)
+    # By what the files say labels lie on their volume: they may have one wrong size.
+    scan = _stored_input(source, at, large, spacing)
     if labels is not None:
         tell_labels_beside(labels)
         known = len(scan.assumed)
@@ -330,6 +376,7 @@ def open_input(
         anew = "; it is segmented anew, unless --labels names labels"
         more = "; --labels takes others"
         scan = _with_labels_beside(scan, source, large, chosen_elements(at), more, anew)
+    scan = _resized(scan, spacing)
     return open_scan(scan, view or FROM_ABOVE, direction_of(direction), Ticker(), backend)
 
 

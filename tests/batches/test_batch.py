@@ -306,6 +306,23 @@ def test_a_scan_too_big_for_a_worker_says_so(bags: Path, tmp_path: Path) -> None
     assert "takes about 0.7 GB, and a worker has 0.5 GB" in result.reason
 
 
+def test_a_voxel_size_of_the_table_is_not_told_as_assumed(bags: Path, tmp_path: Path) -> None:
+    bag = load_volume(bags / "a.npz")
+    for name, array in (("v", bag.volume), ("l", bag.labels)):
+        np.save(tmp_path / f"{name}.npy", array)
+    place, table = Place(tmp_path, Settings(pictures=False)), tmp_path / "list.csv"
+    (tmp_path / "scans").mkdir()
+    for size, notes in (("", ("it gives no voxel size: 1 mm was assumed",)), ("2 1 0.5", ())):
+        table.write_text(f"volume,labels,spacing\nv.npy,l.npy,{size}\n")
+        result = work_on(find_inputs([table])[0], place, {})
+        assert (result.status, result.notes) == ("done", notes)
+        session = nu.open_session(tmp_path / result.folder / "session.unpack")
+        assert (session.assumed, tuple(session.spacing)) == (
+            notes,
+            (2, 1, 0.5) if size else (1,) * 3,
+        )
+
+
 def test_a_name_too_long_is_a_row_with_its_reason(bags: Path, client: Any, tmp_path: Path) -> None:
     table = tmp_path / "list.csv"
     table.write_text(f"volume,name\n{bags / 'a.npz'},short\n{'x' * 300}.npz,long\n")

@@ -129,7 +129,10 @@ def test_a_table_gives_volume_labels_spacing_and_name(tmp_path: Path, suffix: st
     rows.to_csv(table, index=False) if suffix == ".csv" else rows.to_parquet(table)
     if suffix == ".csv":
         # Two numbers are no size of three sides.
-        with pytest.raises(ValueError, match=r"row 3 of .*list.csv must give the voxel size"):
+        with pytest.raises(ValueError, match=r"row 3 of .*list.csv must .* size .* got '3 3'"):
+            find_inputs([table])
+        rows.assign(spacing="x").to_csv(table, index=False)
+        with pytest.raises(ValueError, match=r"row 1 of .*list.csv must .* size .* got 'x'"):
             find_inputs([table])
     for same in ("[3, 3, 3]", "3"):
         rows["spacing"] = ["2 1 0.5", None, same]

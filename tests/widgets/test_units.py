@@ -16,11 +16,10 @@ from qtpy.QtTest import QTest
 from qtpy.QtWidgets import QApplication, QDoubleSpinBox, QLineEdit
 
 from napari_unpack import io
-from napari_unpack.geometry.length_unit import MICRO, MM, LengthUnit
+from napari_unpack.geometry.length_unit import MICRO, MM, SIZE_ASSUMED, LengthUnit
 from napari_unpack.io import open_session, save_objects_csv, save_session
 from napari_unpack.io.file_data import NO_VOXEL_SIZE
 from napari_unpack.io.report import save_objects_page
-from napari_unpack.layers.placement import SIZE_ASSUMED
 from napari_unpack.session.measurements import SurfacePoint
 from napari_unpack.widgets.narrow import SIZED
 from napari_unpack.widgets.object_model import Column
@@ -146,7 +145,7 @@ def test_what_readers_assume_of_sizes_is_told_from_all_else_that_they_assume() -
         for text in re.findall(r'"([^"\n]* assumed[^"\n]*)"', file.read_text("utf-8"))
     }
     of_sizes = {text for text in found if SIZE_ASSUMED.search(text)}
-    assert len(of_sizes) == 8
+    assert len(of_sizes) == 9
     assert {text.split(":")[0] for text in found - of_sizes} == {
         "it gives no positions of its slices",
         "it gives no direction of its slices",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import glob
 import math
 import os
-import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -16,7 +15,7 @@ from typing import Any
 from napari_unpack.atomic import given_path
 from napari_unpack.batches.run_settings import OWN_FILES, SCANS, is_run
 from napari_unpack.io.optional import needed
-from napari_unpack.io.scan import Spacing, checked_spacing
+from napari_unpack.io.scan import Spacing, spacing_from
 from napari_unpack.io.volumes import (
     DICOM_SUFFIXES,
     READABLE,
@@ -249,18 +248,7 @@ def _entry(row: dict[str, Any], column: str) -> str | None:
 def _spacing(value: Any, where: str) -> Spacing | None:
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return None
-    if isinstance(value, str):
-        value = [part for part in re.split(r"[\s,;x()\[\]]+", value) if part]
-    elif isinstance(value, int | float):
-        value = [value]
-    try:
-        sides = [float(v) for v in value]
-        # One number is that of all three.
-        return checked_spacing(sides * 3 if len(sides) == 1 else sides, where)
-    except (TypeError, ValueError) as error:
-        raise ValueError(
-            f"{where} must give the voxel size as 'z y x' in mm, got {value!r}"
-        ) from error
+    return spacing_from(value, where)
 
 
 def told_apart(scans: list[ScanInput], taken: Iterable[str] = ()) -> list[ScanInput]:

@@ -5,17 +5,21 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from napari_unpack.atomic import check_space, folder_written_atomically
 from napari_unpack.batches.cluster import check_versions, cluster_client, losses_told
+from napari_unpack.geometry.length_unit import assumed_besides_size
 from napari_unpack.io.ome_zarr import is_label_image_alone, labels_zarr, stored_volume
 from napari_unpack.read_errors import read_errors_told
 from napari_unpack.tasks import Progress
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from napari_unpack.io.scan import Spacing
 
 SHRUNK = 200
 """Bytes of labels, of four a voxel, that become one at best on the disk."""
@@ -31,6 +35,7 @@ def segment_zarr(
     working: int | None = None,
     progress: Progress | None = None,
     say: Callable[[str], None] | None = None,
+    spacing: Spacing | None = None,
 ) -> pd.DataFrame:
     """Segment a Zarr image into an OME-Zarr label image; neither is in memory as a whole.
 
@@ -53,6 +58,8 @@ def segment_zarr(
     say : callable, optional
         Given a sentence for each thing that had to be assumed of the source, and where a cluster
         has no worker yet.
+    spacing : (float, float, float) of mm, z y x, optional
+        Instead of what the source says.
 
     Returns
     -------
@@ -76,6 +83,9 @@ def segment_zarr(
 
     with read_errors_told(source, "a Zarr image"):
         array, stored = stored_volume(source)
+    if spacing is not None:
+        left = assumed_besides_size(stored.assumed)
+        stored = replace(stored, spacing=spacing, assumed=left)
     for sentence in stored.assumed:
         if say is not None:
             say(f"note: {source.name}: {sentence}")

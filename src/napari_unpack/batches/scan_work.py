@@ -144,7 +144,8 @@ def _loaded(scan: ScanInput, large: bool) -> Scan:
     data = load_volume(scan.volume, large=large)
     if scan.labels is not None:
         data = scan_with_label_file(data, scan.labels, large)
-    return replace(data, name=scan.name, spacing=scan.spacing or data.spacing)
+    data = replace(data, name=scan.name)
+    return data if scan.spacing is None else data.with_spacing(scan.spacing)
 
 
 def _mended(there: Path, scan: ScanInput, data: Scan, place: Place) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -13,6 +14,9 @@ MICRO = "\N{MICRO SIGN}m"
 # Many keyboards have the letter, which looks the same.
 GREEK_MICRO = "\N{GREEK SMALL LETTER MU}m"
 UNITS = ("mm", MICRO, "voxels")
+
+SIZE_ASSUMED = re.compile(r"\b(mm|rows|thickness) was assumed")
+"""In what the readers of `io` say of a file without a voxel size, distance of slices or unit."""
 
 # A volume of so many mm³ and more is told in cm³: bags are, and small parts are not.
 LARGE_MM3 = 1000.0
@@ -113,3 +117,14 @@ class VolumeUnit:
         if self.name == "voxels" or volume >= 100:
             return f"{volume:.0f}"
         return f"{volume:.1f}" if volume >= 1 else f"{volume:.2g}"
+
+
+def assumed_besides_size(assumed: Iterable[str]) -> tuple[str, ...]:
+    """Return what readers still assume of a file once somebody has said how large its voxels are.
+
+    Parameters
+    ----------
+    assumed : iterable of str
+        As of a `Scan`.
+    """
+    return tuple(said for said in assumed if not SIZE_ASSUMED.search(said))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.geometry.axes import Matrix
 from napari_unpack.geometry.rays import world_from_voxel
-from napari_unpack.io.file_data import FIRST_LABELS, FileData, size_text
+from napari_unpack.io.file_data import FIRST_LABELS, NO_VOXEL_SIZE, FileData, size_text
 from napari_unpack.io.scan import Scan
 from napari_unpack.io.volumes import load_label_file, printable
 
@@ -41,8 +41,8 @@ def scan_with_label_file(
     Returns
     -------
     Scan
-        Without names. Where the labels do not lie on the volume, or are of the first of several
-        time points, `assumed` says so.
+        Without names. Where the labels do not lie on the volume, are of the first of several time
+        points, or have a voxel size that it lacks, `assumed` says so.
 
     Raises
     ------
@@ -55,6 +55,9 @@ def scan_with_label_file(
     labels = np.ascontiguousarray(labels)
     told = [words for words in found.assumed if words.startswith(FIRST_LABELS)]
     told += [f"its labels ({printable(path.name)}) {said}"] if said else []
+    if NO_VOXEL_SIZE in scan.assumed and NO_VOXEL_SIZE not in found.assumed and not said:
+        size = size_text(found.spacing)
+        told.append(f"its labels ({printable(path.name)}) give {size} where 1 mm was assumed")
     return replace(scan.with_labels(labels), assumed=(*scan.assumed, *told))
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry import axes
+from napari_unpack.geometry.length_unit import assumed_besides_size
 from napari_unpack.geometry.masks import unmasked
 
 Spacing = tuple[float, float, float]
@@ -66,6 +69,10 @@ class Scan:
                 f"labels must have the volume's shape {self.volume.shape}, got {labels.shape}"
             )
         return replace(self, labels=labels, names=None)
+
+    def with_spacing(self, spacing: Spacing) -> Scan:
+        """Return the scan with the voxel size that a person says; nothing is said of another."""
+        return replace(self, spacing=spacing, assumed=assumed_besides_size(self.assumed))
 
 
 def checked_scan(scan: Scan) -> Scan:
@@ -209,3 +216,33 @@ def checked_spacing(spacing: ArrayLike, source: object) -> Spacing:
         If it is not three positive finite numbers.
     """
     return axes.triple(axes.checked_spacing(spacing, f"the voxel size in {source}"))
+
+
+def spacing_from(value: Any, source: object) -> Spacing:
+    """Return the voxel size that a person gives as "z y x" in mm, or as one number for all three.
+
+    Parameters
+    ----------
+    value : str, float, or sequence of float
+        Text may have commas, brackets or an x between its numbers.
+    source : object
+        What gives it, for messages.
+
+    Raises
+    ------
+    ValueError
+        If it is neither one positive finite number nor three of them.
+    """
+    parts = [value] if isinstance(value, int | float) else value
+    if isinstance(value, str):
+        parts = [part for part in re.split(r"[\s,;x()\[\]]+", value) if part]
+    try:
+        sides = [float(part) for part in parts]
+    except (TypeError, ValueError):
+        sides = []
+    if len(sides) not in (1, 3) or not all(0 < side < math.inf for side in sides):
+        raise ValueError(
+            f"{source} must give the voxel size as 'z y x' in mm, or as one number for all three, "
+            f"got {value!r}"
+        )
+    return checked_spacing(sides * 3 if len(sides) == 1 else sides, source)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +10,7 @@ from napari.layers import Layer
 from numpy.typing import ArrayLike, NDArray
 
 from napari_unpack.geometry.axes import Matrix, transform_points
-from napari_unpack.geometry.length_unit import MICRO, MM, LengthUnit
+from napari_unpack.geometry.length_unit import MICRO, MM, LengthUnit, assumed_besides_size
 from napari_unpack.geometry.rays import voxel_from_world
 
 if TYPE_CHECKING:
@@ -192,10 +191,6 @@ def spacing_of(layer: Layer) -> tuple[float, float, float]:
     return (z, y, x)
 
 
-SIZE_ASSUMED = re.compile(r"\b(mm|rows|thickness) was assumed")
-"""In what the readers of `io` say of a file without a voxel size, distance of slices or unit."""
-
-
 def set_spacing(layer: Layer, spacing: ArrayLike) -> None:
     """Give a layer voxels of another size; what turns and shears it stays.
 
@@ -210,7 +205,7 @@ def set_spacing(layer: Layer, spacing: ArrayLike) -> None:
     """
     # What stands before the scale acts on lengths already made: their ratios are those of scales.
     ratios = np.asarray(spacing, dtype=np.float64) / spacing_of(layer)
-    left = tuple(said for said in assumed_of(layer) if not SIZE_ASSUMED.search(said))
+    left = assumed_besides_size(assumed_of(layer))
     if left != assumed_of(layer):
         layer.metadata["assumed"] = left
     layer.scale = [*layer.scale[:-3], *layer.scale[-3:] * ratios]
