@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -118,6 +119,16 @@ def test_the_table_of_segment_is_a_csv(bag: Path, monkeypatch: pytest.MonkeyPatc
         told = run("segment", bag, bag.with_name("out.npz"), "--csv", bag.with_name(name))
         assert (told.exit_code, bag.with_name(name).exists()) == (1, False)
         assert f"{name}: the output must end in .csv" in told.stderr
+
+
+def test_the_version_is_told() -> None:
+    assert nu.__version__ == metadata.version("napari-unpack")
+    assert "__version__" in dir(nu)
+    told = run("--version")
+    assert (told.exit_code, told.stdout) == (0, f"napari-unpack {nu.__version__}\n")
+    # As before there was an option of its own.
+    assert "See into packed things" in run("--help").stdout
+    assert "See into packed things" in run().output
 
 
 def test_advice_where_nothing_is_found_is_of_options_and_not_of_python(bag: Path) -> None:

@@ -6,6 +6,7 @@ from .rendering import object_id_layers, occlusion_ratios, pick, render
 from .segmentation import Oracle, score, score_by, score_objects, segment, train
 from .session import Session
 from .simulation import simulate_bag
+from .version import __version__
 
 __all__ = [
     "BatchReport",
@@ -13,6 +14,7 @@ __all__ = [
     "Session",
     "TransferFunction",
     "View",
+    "__version__",
     "assign_hues",
     "batch",
     "interference",

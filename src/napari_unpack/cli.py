@@ -28,6 +28,7 @@ from napari_unpack.cli_options import (
     Scale,
     SpacingOption,
     Ticker,
+    Version,
     ViewOption,
     VolumeInput,
     check_output,
@@ -65,6 +66,11 @@ def main() -> None:
     if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == "strict":
         sys.stdout.reconfigure(errors="replace")
     app()
+
+
+@app.callback()
+def _napari_unpack(version: Version = False) -> None:
+    pass
 
 
 def _command(**settings: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:

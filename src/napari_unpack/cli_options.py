@@ -84,6 +84,22 @@ ViewOption = Annotated[
 Backend = Annotated[str, typer.Option(help="What renders: auto, cpu or gl.")]
 
 
+def _tell_version(asked: bool) -> None:
+    if asked:
+        from napari_unpack import __version__
+
+        typer.echo(f"napari-unpack {__version__}")
+        raise typer.Exit
+
+
+Version = Annotated[
+    bool,
+    typer.Option(
+        "--version", callback=_tell_version, is_eager=True, help="Print the version and stop."
+    ),
+]
+
+
 def expanded(value: Any) -> Any:
     """Return what a command was given, with the person's own folder for ``~`` in all paths."""
     # Imported late, as all that commands do not need for `--help`.
