@@ -72,3 +72,14 @@ def test_a_session_does_not_refer_to_what_saving_it_takes_away(tmp_path: Path) -
     with pytest.raises(ValueError, match="would replace: choose another name"):
         nu.save_session(session, folder, copy=False, volume_path=kept)
     assert kept.read_bytes() == before
+
+
+@pytest.mark.parametrize("name", ["q.npz", "Q.NII.GZ", "q.zarr"])
+def test_a_session_is_no_folder_with_the_name_of_a_volume(tmp_path: Path, name: str) -> None:
+    with pytest.raises(ValueError, match=f"{name} would be a folder .* end in .unpack or .zip"):
+        nu.save_session(plates(), tmp_path / name)
+    assert not list(tmp_path.iterdir())
+    # Where one is there of old, it is a session like any other.
+    nu.save_session(plates(), tmp_path / "q").rename(tmp_path / name)
+    nu.save_session(nu.open_session(tmp_path / name), tmp_path / name)
+    assert nu.save_session(plates(), tmp_path / "run 2.5").is_dir()

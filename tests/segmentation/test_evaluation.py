@@ -164,6 +164,17 @@ def test_a_series_of_the_tables_own_ids_goes_by_them_however_it_is_sorted():
     pd.testing.assert_frame_equal(score_by(each, rows), score_by(each, kinds))
 
 
+def test_objects_without_a_group_are_counted_and_a_whole_table_is_refused():
+    each = score_objects(line(1, 1, 2, 2, 3, 3, 4), line(1, 1, 2, 2, 2, 2, 0))
+    kinds = pd.Series({1: "metal", 2: np.nan, 3: "bulk", 4: None})
+    for groups in (kinds, kinds.iloc[:3], kinds.to_dict(), pd.Series([7.0, np.nan, 8.0, np.nan])):
+        table = score_by(each, groups)
+        assert table.objects.tolist()[-2:] == [2, 4]
+        assert table.index.tolist()[-2:] == ["unknown", "all"]
+    with pytest.raises(TypeError, match="such as one column of a table, got DataFrame"):
+        score_by(each, kinds.to_frame("kind"))
+
+
 def test_fragmentation_and_merge_rates_by_hand():
     result = score(line(1, 1, 2, 2, 3, 3, 4, 4), line(1, 5, 2, 2, 2, 2, 4, 4))
     assert result["fragmentation_rate"] == 0.25

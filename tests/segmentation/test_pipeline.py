@@ -145,6 +145,7 @@ def test_scale_and_offset_of_the_values_do_not_matter(few, otherwise):
     [
         {"smallest": np.nan},
         {"smallest": -1.0},
+        {"smallest": "x"},
         {"step": 0.0},
         {"step": np.inf},
         {"working": 0},
@@ -153,7 +154,7 @@ def test_scale_and_offset_of_the_values_do_not_matter(few, otherwise):
 )
 def test_sizes_that_mean_nothing_are_refused(few, wrong):
     (name,) = wrong
-    with pytest.raises(ValueError, match=f"{name} must be a .*, got"):
+    with pytest.raises((ValueError, TypeError), match=f"{name} must be a .*, got"):
         segment(few[0], **wrong)
 
 

@@ -273,6 +273,8 @@ def test_a_table_read_from_a_file_is_known_by_its_column_id(tmp_path: Path) -> N
     assert session_of(stack_of_plates(), objects=batches).objects.loc[2, "name"] == "b"
     with pytest.raises(ValueError, match="each ID once"):
         session_of(stack_of_plates(), objects=pd.concat([read, read], ignore_index=True))
+    with pytest.raises(TypeError, match=r"objects must be a DataFrame .*, got dict: pandas"):
+        session_of(stack_of_plates(), objects={"id": [5]})
 
 
 @pytest.mark.parametrize("column", ["id", "label"])

@@ -105,4 +105,5 @@ def _groups(path: Path, by: str) -> dict[int, str]:
     ids = pd.to_numeric(table["id"], errors="coerce")
     if not np.isfinite(ids).all() or (ids % 1 != 0).any():
         raise ValueError(f"{path} must have a whole number in every row of its column 'id'")
-    return {int(i): str(group) for i, group in zip(ids, table[by], strict=True)}
+    named = table[by].notna()
+    return {int(i): str(group) for i, group in zip(ids[named], table[by][named], strict=True)}

@@ -27,6 +27,7 @@ from napari_unpack.atomic import (
     written_atomically,
 )
 from napari_unpack.file_sizes import check_plain_file, check_size
+from napari_unpack.io.volumes import READABLE, suffix_of
 
 # 16 MB: progress moves and cancelling works, yet zlib has enough to work on.
 SLAB = 1 << 24
@@ -238,7 +239,7 @@ def opened_for_writing(path: Path) -> Iterator[Callable[[str], IO[bytes]]]:
     Raises
     ------
     ValueError
-        If something that is no session is there.
+        If something that is no session is there, or the name is that of another kind of file.
     """
     if is_zip(path):
         with (
@@ -252,6 +253,11 @@ def opened_for_writing(path: Path) -> Iterator[Callable[[str], IO[bytes]]]:
         raise ValueError(
             f"{path} is there and is no session: choose another name, or one that ends in "
             f"{' or '.join(ZIP_SUFFIXES)} for a single file"
+        )
+    if suffix_of(path) in READABLE and not path.exists():
+        raise ValueError(
+            f"{path} would be a folder with the name of a {suffix_of(path)} file: let it end in "
+            f"{' or '.join(ZIP_SUFFIXES)} for a single file, or in no suffix for a folder"
         )
     with folder_written_atomically(path, _is_session) as temporary:
         yield lambda name: (temporary / name).open("wb")

@@ -79,8 +79,8 @@ def save_session(
     Raises
     ------
     ValueError
-        If `copy` is False without a `volume_path`, a file does not hold these arrays, or
-        something of the session is beyond what `open_session` takes.
+        If `copy` is False without a `volume_path`, a file does not hold these arrays, something of
+        the session is beyond what `open_session` takes, or the name is a volume's (bag.npz).
     OSError
         If it cannot be written, such as on a full disk; what was there stays.
 

@@ -322,8 +322,8 @@ def score_by(objects: pd.DataFrame, groups: Mapping[int, Any] | pd.Series) -> pd
     objects : pandas.DataFrame
         As `score_objects` returns it; tables of several bags may be concatenated.
     groups : mapping of int to str, or pandas.Series
-        The group of each ID. A Series as long as the table is taken row by row, unless both have
-        the same IDs, each once.
+        The group of each ID, "unknown" where it is missing. A Series as long as the table is taken
+        row by row, unless both have the same IDs, each once.
 
     Returns
     -------
@@ -332,14 +332,27 @@ def score_by(objects: pd.DataFrame, groups: Mapping[int, Any] | pd.Series) -> pd
         found_75, detected (share), mean_iou (0 where there is no match), fragmented (share in
         more than one piece), merged (share whose match covers another object too), and where the
         table has them surface_mm and hausdorff95_mm (means of the matched).
+
+    Raises
+    ------
+    TypeError
+        If the groups are neither, such as a whole table.
     """
+    if isinstance(groups, pd.DataFrame) or not isinstance(groups, Mapping | pd.Series):
+        raise TypeError(
+            "groups must be a mapping from ID to group or a Series, such as one column of a table, "
+            f"got {type(groups).__name__}"
+        )
     if isinstance(groups, pd.Series) and len(groups) == len(objects):
         ids = objects.index
         known = ids.is_unique and groups.index.is_unique and ids.isin(groups.index).all()
         # However either is sorted.
-        keys = (groups.reindex(ids) if known else groups).to_numpy()
+        keys = pd.Series((groups.reindex(ids) if known else groups).to_numpy())
     else:
-        keys = np.array([str(groups.get(i, "unknown")) for i in objects.index])
+        keys = pd.Series([groups.get(i) for i in objects.index], dtype=object)
+        keys = keys.map(str, na_action="ignore")
+    # Without a name they would count in the last row and in no group.
+    keys = keys.astype(object).where(keys.notna(), "unknown")
     facts = pd.DataFrame(
         {
             "objects": 1,
@@ -355,7 +368,7 @@ def score_by(objects: pd.DataFrame, groups: Mapping[int, Any] | pd.Series) -> pd
         if name in objects:
             facts[name] = objects[name].to_numpy()
     how = {name: "sum" if name == "objects" else "mean" for name in facts}
-    parts = facts.groupby(keys).agg(how)
+    parts = facts.groupby(keys.to_numpy()).agg(how)
     total = facts.groupby(np.full(len(facts), "all")).agg(how)
     return pd.concat([parts, total]).rename_axis("group")
 

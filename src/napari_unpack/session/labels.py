@@ -66,8 +66,16 @@ def object_table(
     ValueError
         If the given table holds an ID twice or counts its rows from 0, a column's name is not one
         or not its own, or words stand where numbers belong.
+    TypeError
+        If the given one is no table.
     """
     import pandas as pd
+
+    if given is not None and not isinstance(given, pd.DataFrame):
+        raise TypeError(
+            f"objects must be a DataFrame with a row for each object, got {type(given).__name__}: "
+            "pandas.DataFrame(objects) makes one of columns"
+        )
 
     means, centers = _measure(volume, labels, int(boxes.ids[-1]))
     ids = boxes.ids

@@ -344,7 +344,9 @@ def check_smallest(smallest: float | None) -> None:
     Raises
     ------
     ValueError
-        If it is negative, infinite or not a number.
+        If it is negative, infinite or NaN.
+    TypeError
+        If it is no number.
     """
-    if smallest is not None and not 0 <= smallest < np.inf:
+    if smallest is not None and not 0 <= axes.number(smallest, "smallest") < np.inf:
         raise ValueError(f"smallest must be a volume in mm^3 of 0 or more, got {smallest!r}")
