@@ -89,6 +89,24 @@ def test_a_knot_is_outlined_as_one_group_also_when_it_was_known_before(shown: An
     controller.close()
 
 
+def test_outlines_follow_a_finer_answer_that_comes_after_they_were_drawn(
+    shown: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    viewer, session = shown
+    controller = staged(viewer, session)
+    outlines, before = controller.overlays.outlines, canvas(viewer)
+    # The answer that they were drawn by is told once more: they stay.
+    controller.events.unpackable.emit(frozenset({1, 2, 3}))
+    assert not outlines.pending
+    monkeypatch.setattr(type(session.queries), "unpackable_groups", lambda _: ((3,),))
+    controller.events.unpackable.emit(frozenset({3}))
+    assert outlines.pending
+    assert controller.settle(30)
+    assert np.abs(canvas(viewer) - before).max() > 50
+    assert drawn(viewer, controller, INTERLOCKED.line) == 0
+    controller.close()
+
+
 def test_where_nobody_can_leave_the_least_blocked_is_outlined() -> None:
     packed, marks = frozenset({1, 2, 3}), Outlined(unpackable=True)
     assert marks.inks(packed, [], 2) == {2: LEAST_OCCLUDED}

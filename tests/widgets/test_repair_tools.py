@@ -17,6 +17,7 @@ from mouse import move
 from napari_unpack.layers import compat
 from napari_unpack.segmentation.repair import LabelEdit
 from napari_unpack.tasks import Task, no_progress
+from napari_unpack.viewer.label_sync import QUIET_MS
 from napari_unpack.viewer.scheduler import Worker
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import at_rest, controller_with, press, rest, states
@@ -336,6 +337,28 @@ def test_a_brush_on_the_users_layer_reaches_the_session(
     assert session.states[CUBE].name == "HIDDEN"
     qtbot.wait(500)
     assert np.array_equal(session.labels, first)
+
+
+def test_a_stroke_whose_hand_rests_is_one_step_of_undo(
+    viewer: Any, session: Any, qtbot: QtBot
+) -> None:
+    viewer.dims.ndisplay = 2
+    viewer.dims.set_point(0, 30)
+    layer, first = with_brush(viewer), session.labels.copy()
+    widget, steps = compat.native_canvas(viewer).native, len(session.history.done)
+    at, way = widget.rect().center() - QPoint(40, 0), QPoint(30, 0)
+    left = Qt.MouseButton.LeftButton
+    QTest.mousePress(widget, left, pos=at)
+    for part in (1, 2):
+        move(widget, at + part * way, left)
+        qtbot.wait(2 * QUIET_MS)
+        assert (layer.data != first).any()
+        assert np.array_equal(session.labels, first)
+    QTest.mouseRelease(widget, left, pos=at + 2 * way)
+    qtbot.waitUntil(lambda: np.array_equal(session.labels, layer.data), timeout=10000)
+    assert len(session.history.done) == steps + 1
+    session.undo()
+    assert np.array_equal(layer.data, first)
 
 
 def test_ids_beyond_the_type_of_the_users_labels_get_a_wider_one(

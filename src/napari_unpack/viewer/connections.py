@@ -112,6 +112,7 @@ class ControllerConnections:
             (events.surroundings, self.decorate),
             (events.queue, self._follow_queue),
             (events.measurements, one.rulers.changed),
+            (one.events.unpackable, self._follow_unpackable),
             (one.packed.refused, self._tell_refusal),
             (one.packed.frame_changed, self._follow_frame),
             (one.transition.frame_changed, self._follow_other_frame),
@@ -177,6 +178,11 @@ class ControllerConnections:
     def _follow_queue(self) -> None:
         self._controller.overlays.states_changed()
         self._controller.queries.queue_changed()
+
+    def _follow_unpackable(self, known: frozenset[int] | None) -> None:
+        # First by rays, then by moving voxels, which may say otherwise; None comes with the queue.
+        if known is not None:
+            self._controller.overlays.outlines.unpackable_known()
 
     def _follow_hues(self) -> None:
         self._controller.renderer.hues_changed()

@@ -105,6 +105,7 @@ class OutlineRenderer:
         self._outlined = Outlined()
         self._frame: Frame | None = None
         self._revision = 0
+        self._drawn: tuple[dict[int, Ink], int] = {}, 0
         self._image: RenderedImage | None = None
 
     @property
@@ -139,6 +140,11 @@ class OutlineRenderer:
             self._show()
         self._scheduler.debounce(OUTLINES_MS, self._draw)
 
+    def unpackable_known(self) -> None:
+        """Draw anew where others can leave than those that were drawn."""
+        if not self.pending and self._wanted() != self._drawn:
+            self.redraw()
+
     def close(self) -> None:
         """Draw nothing more."""
         self._scheduler.forget(self._draw)
@@ -152,26 +158,30 @@ class OutlineRenderer:
         return (image.quad(frame.camera),)
 
     def _draw(self) -> None:
-        session, frame = self._session, self._frame
-        outlined, revision = self._outlined, self._revision
+        frame, revision = self._frame, self._revision
         if frame is not None and self._scheduler.idle_held(IdlePhase.IMAGE):
             self._scheduler.debounce(OUTLINES_MS, self._draw)
             return
         # Every landing draws them anew.
-        if frame is None or session.flights:
+        if frame is None or self._session.flights:
             return
-        packed = frozenset(ids_in(session.states, ObjectState.PACKED))
-        groups = session.queries.unpackable_groups() if outlined.unpackable else ()
-        least = session.queries.least_occluded() if outlined.unpackable and not groups else None
-        inks = outlined.inks(packed, groups, 0 if least is None else least[0])
-        buried = outlined.buried if outlined.buried in packed else 0
+        self._drawn = inks, buried = self._wanted()
         if inks or buried:
-            scene, rays = session.scene(), session.ray_queries
+            scene, rays = self._session.scene(), self._session.ray_queries
             self._scheduler.submit(
                 Task("outlines", lambda _: draw_outlines(scene, rays, inks, buried, frame)),
                 Worker.BACKGROUND,
                 lambda image: self._finish(image, revision),
             )
+
+    def _wanted(self) -> tuple[dict[int, Ink], int]:
+        """Return the inks of all but the buried object, and that; 0 for none."""
+        queries, outlined = self._session.queries, self._outlined
+        packed = frozenset(ids_in(self._session.states, ObjectState.PACKED))
+        groups = queries.unpackable_groups() if outlined.unpackable else ()
+        least = queries.least_occluded() if outlined.unpackable and not groups else None
+        inks = outlined.inks(packed, groups, 0 if least is None else least[0])
+        return inks, outlined.buried if outlined.buried in packed else 0
 
     def _finish(self, image: RenderedImage | None, revision: int) -> None:
         # Something has moved since: another image is on its way.

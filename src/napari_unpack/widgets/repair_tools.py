@@ -6,7 +6,8 @@ from collections.abc import Callable, Collection
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from qtpy.QtCore import QObject, Signal
+from qtpy.QtCore import QObject, Qt, Signal
+from qtpy.QtWidgets import QApplication
 
 from napari_unpack.session.errors import listed_objects
 from napari_unpack.session.object_state import ObjectState
@@ -176,8 +177,10 @@ class RepairTools(QObject):
             self._start(session, self._asked, done, notifications.show_error)
 
     def _ask(self, task: Task[EditedLabels | None], done: Done, refused: Refused) -> bool:
-        # The stroke is compared again a moment later.
-        if self._workspace.scheduler.has(SLOT) or self._workspace.session is None:
+        # The stroke is compared again a moment later. One whose hand rests is not at its end:
+        # cut in two, it would be two steps of undo.
+        draws = QApplication.mouseButtons() != Qt.MouseButton.NoButton
+        if draws or self._workspace.scheduler.has(SLOT) or self._workspace.session is None:
             return False
         self._start(self._workspace.session, task, done, refused)
         return True
