@@ -107,6 +107,7 @@ def test_every_command_on_one_volume_takes_its_voxel_size(
         raise ValueError(f"opened with {tuple(spacing)} and ()")
 
     monkeypatch.setattr("napari_unpack.io.headless.open_scan", opened)
+    monkeypatch.setattr(nu, "segment", segmented)
     monkeypatch.setattr("napari_unpack.segmentation.segment", segmented)
     image = volume.with_name("image.zarr")
     zarr.create_array(str(image), data=np.load(volume))
