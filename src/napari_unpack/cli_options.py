@@ -22,7 +22,10 @@ if TYPE_CHECKING:
     from napari_unpack.io.scan import Spacing
     from napari_unpack.session import Session
 
-_VOLUME = "Volume: .npz, .npy, NIfTI, MetaImage, NRRD, TIFF, DICOM folder or file, OME-Zarr"
+_VOLUME = (
+    "Volume: .npz, .npy, NIfTI, MetaImage, NRRD, TIFF or a folder of slices, DICOM folder or "
+    "file, OME-Zarr"
+)
 VolumeInput = Annotated[Path, typer.Argument(metavar="INPUT", help=f"{_VOLUME}.")]
 Input = Annotated[Path, typer.Argument(metavar="INPUT", help=f"{_VOLUME}; or a saved session.")]
 LabelsOption = Annotated[

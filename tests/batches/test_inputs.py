@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pandas as pd
 import pytest
+import tifffile
 import zarr
 
 import napari_unpack as nu
@@ -55,6 +56,19 @@ def test_slices_hide_neither_the_volumes_beside_them_nor_the_folders_below(folde
     (folder / "series" / "more" / "3.dcm").write_bytes(b"-")
     names = [one.name for one in find_inputs([folder / "series"])]
     assert sorted(names) == ["a", "b", "more", "series"]
+
+
+def test_a_folder_of_slices_in_tiff_is_a_scan_and_stacks_beside_pictures_are_many(
+    tmp_path: Path,
+) -> None:
+    plane = np.zeros((4, 5), np.uint8)
+    for number in (1, 2, 10):
+        tifffile.imwrite(tmp_path / f"{number}.tif", plane)
+    np.save(tmp_path / "other.npy", plane)
+    assert {one.volume.name for one in find_inputs([tmp_path])} == {tmp_path.name, "other.npy"}
+    tifffile.imwrite(tmp_path / "10.tif", np.stack([plane] * 3), photometric="minisblack")
+    found = {one.volume.name for one in find_inputs([tmp_path])}
+    assert found == {"1.tif", "2.tif", "10.tif", "other.npy"}
 
 
 def test_the_directory_of_a_disc_is_no_slice(folder: Path) -> None:

@@ -106,12 +106,46 @@ def test_a_folder_of_numbered_slices_is_a_volume(tmp_path: Path) -> None:
         load_volume(tmp_path)
 
 
-def test_slices_beside_dicom_are_no_volume(tmp_path: Path) -> None:
+@pytest.mark.parametrize("place", [".", "series"])
+def test_slices_beside_or_above_dicom_are_no_volume(tmp_path: Path, place: str) -> None:
     for number in range(2):
         tifffile.imwrite(tmp_path / f"{number}.tif", STACK[0])
     assert len(slices_in(tmp_path)) == 2
-    (tmp_path / "IM0001").write_bytes(b"\0" * 128 + b"DICM")
+    (tmp_path / place).mkdir(exist_ok=True)
+    (tmp_path / place / "IM0001").write_bytes(b"\0" * 128 + b"DICM")
     assert slices_in(tmp_path) == []
+
+
+@pytest.mark.parametrize("picture", [np.zeros((7, 8, 3), np.uint8), STACK])
+def test_folders_of_photographs_and_of_stacks_are_left_to_napari(
+    tmp_path: Path, picture: np.ndarray
+) -> None:
+    kind = "rgb" if picture.shape[-1] == 3 else "minisblack"
+    for number in range(3):
+        tifffile.imwrite(tmp_path / f"{number}.tif", picture, photometric=kind)
+    assert get_reader(str(tmp_path)) is None
+
+
+def test_labels_of_slices_are_no_slices(tmp_path: Path) -> None:
+    for number in (9, 10):
+        tifffile.imwrite(tmp_path / f"s{number}.tif", STACK[0])
+        tifffile.imwrite(tmp_path / f"s{number}.labels.tif", STACK[0])
+    # Not a decimal digit, though Python calls it one.
+    tifffile.imwrite(tmp_path / "s²1.tif", STACK[0])
+    assert [path.name for path in slices_in(tmp_path)] == ["s9.tif", "s10.tif", "s²1.tif"]
+
+
+@pytest.mark.parametrize(
+    ("resolution", "spacing"), [(1.0, 0.0), (1.0, np.nan), (72.0, 1.0), (0.0, 1.0)]
+)
+def test_numbers_of_imagej_that_say_nothing_are_no_voxel_size(
+    tmp_path: Path, resolution: float, spacing: float
+) -> None:
+    path, metadata = tmp_path / "a.tif", {"spacing": spacing, "axes": "ZYX"}
+    both = resolution, resolution
+    tifffile.imwrite(path, STACK, imagej=True, resolution=both, metadata=metadata)
+    found = load_volume(path)
+    assert (found.spacing, found.assumed) == ((1.0, 1.0, 1.0), (NO_VOXEL_SIZE,))
 
 
 def test_what_to_do_where_there_are_no_slices_is_told(tmp_path: Path) -> None:

@@ -16,20 +16,20 @@ from napari_unpack.atomic import given_path
 from napari_unpack.batches.run_settings import OWN_FILES, SCANS, is_run
 from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import Spacing, spacing_from
+from napari_unpack.io.slice_folder import is_slice, slices_in
 from napari_unpack.io.volumes import (
     DICOM_SUFFIXES,
+    LABELS,
     READABLE,
     has_dicom_preamble,
     is_zarr,
     printable,
     stem_of,
     suffix_of,
+    without_labels,
 )
 
 TABLES = (".csv", ".parquet")
-
-LABELS = ".labels"
-"""Ends the stem of a file with the labels of the volume beside it, as `save_scan` writes them."""
 
 _WHOLE = frozenset(READABLE) - set(DICOM_SUFFIXES)
 """Suffixes of files that hold a volume each."""
@@ -98,7 +98,7 @@ def _paths(asked: str) -> list[Path]:
     names = sorted(glob.glob(str(path), recursive=True)) if glob.has_magic(asked) else []
     if not names:
         raise FileNotFoundError(f"no such file or folder: {asked}")
-    return _without_labels([_plain(Path(name)) for name in names])
+    return without_labels([_plain(Path(name)) for name in names])
 
 
 def _without_results(paths: list[Path]) -> list[Path]:
@@ -158,8 +158,12 @@ def _inside(folder: Path, above: frozenset[Path]) -> Iterator[Path]:
         yield folder
         return
     files = [e for e in entries if os.path.isfile(e)]
-    yield from _without_labels([f for f in files if suffix_of(f) in _WHOLE])
-    if _holds_slices(files):
+    slices = slices_in(folder)
+    # Stacks beside two pictures are scans of their own.
+    whole = bool(slices) and all(map(is_slice, slices))
+    taken = frozenset(slices if whole else ())
+    yield from without_labels(f for f in files if suffix_of(f) in _WHOLE and f not in taken)
+    if whole or _holds_slices(files):
         yield folder
     for entry in entries:
         # What starts with a point is hidden, or half written; results are no inputs.
@@ -180,18 +184,6 @@ def _is_dicom(file: Path) -> bool:
         return has_dicom_preamble(file)
     except OSError:
         return False
-
-
-def _without_labels(paths: list[Path]) -> list[Path]:
-    """Return paths without the files that hold the labels of another of them."""
-    named = set(paths)
-
-    def is_labels(path: Path) -> bool:
-        stem, suffix = stem_of(path), suffix_of(path)
-        volume = path.with_name(stem.removesuffix(LABELS) + suffix)
-        return stem.endswith(LABELS) and volume in named
-
-    return [path for path in paths if not is_labels(path)]
 
 
 COLUMNS = ("volume", "labels", "name", "spacing")

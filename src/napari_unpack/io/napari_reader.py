@@ -6,7 +6,6 @@ import os
 import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,7 +24,7 @@ def get_reader(path: str | Sequence[str]) -> Callable[[Any], list[LayerData]] | 
 
     Of several files the first is looked at. Names count, so that napari stays quick: broken files
     are reported when read. An .npz is ours if it holds an array `volume` or `labels`, a TIFF if it
-    holds slices: photographs are left to napari.
+    holds slices, a folder if it holds DICOM or slices in TIFF: photographs are left to napari.
     """
     from napari_unpack.io.slice_folder import slices_in
     from napari_unpack.io.volumes import READABLE, TIFF_SUFFIXES, suffix_of
@@ -241,17 +240,8 @@ def _has_slices(path: Path) -> bool:
 
 
 def _is_dicom_or_zarr(folder: Path) -> bool:
-    from napari_unpack.io.volumes import DICOM_SUFFIXES, has_dicom_preamble, is_zarr
+    from napari_unpack.io.volumes import holds_dicom, is_zarr
 
-    if not os.access(folder, os.R_OK | os.X_OK):
-        # The reader says that it may not be read.
-        return True
-    if is_zarr(folder):
-        return True
-    files = (p for p in sorted(folder.rglob("*")) if p.is_file())
-    # A series has its slices together: twenty files tell, thousands would take seconds.
-    for _, file in zip(range(20), files, strict=False):
-        with suppress(OSError):
-            if file.suffix.lower() in DICOM_SUFFIXES or has_dicom_preamble(file):
-                return True
-    return False
+    # Where it may not be read the reader says so.
+    readable = os.access(folder, os.R_OK | os.X_OK)
+    return not readable or is_zarr(folder) or holds_dicom(folder)

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -221,9 +222,11 @@ def labels_zarr(
     while max(fine.shape) >= 2 * SMALLEST_LEVEL:
         number = len(datasets)
         coarse = _new_level(node, number, tuple(-(-n // 2) for n in fine.shape), dtype)
-        # Slab by slab, as labels may be larger than the memory.
-        for z in range(0, coarse.shape[0], CHUNK):
-            coarse[z : z + CHUNK] = halved(np.asarray(fine[2 * z : 2 * (z + CHUNK)]))
+        # Chunk by chunk, as labels may be larger than the memory.
+        for corner in product(*(range(0, n, CHUNK) for n in coarse.shape)):
+            here = tuple(slice(n, n + CHUNK) for n in corner)
+            there = tuple(slice(2 * n, 2 * (n + CHUNK)) for n in corner)
+            coarse[here] = halved(np.asarray(fine[there]))
         # A single voxel stays what it is.
         factors = [f * (2 if n > 1 else 1) for f, n in zip(factors, fine.shape, strict=True)]
         datasets.append(_level(number, factors, spacing, origin))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,31 +14,58 @@ from numpy.typing import NDArray
 from napari_unpack.io.file_data import SPACE, FileData
 from napari_unpack.io.file_stack import check_stack_size
 from napari_unpack.io.volumes import (
-    DICOM_SUFFIXES,
     TIFF_SUFFIXES,
-    has_dicom_preamble,
+    holds_dicom,
     read_file,
     suffix_of,
+    without_labels,
 )
+from napari_unpack.read_errors import read_errors_told
 
 
 def slices_in(folder: Path) -> list[Path]:
-    """Return the TIFFs of a folder by the numbers in their names; none where there is DICOM too."""
-    files = [p for p in folder.iterdir() if p.is_file() and not p.name.startswith(".")]
-    slices = [p for p in files if suffix_of(p) in TIFF_SUFFIXES]
-    if len(slices) < 2:
+    """Return the slices of a folder in the order of the numbers in their names; none without two.
+
+    They are its TIFFs, if the first two are grey pictures of one size: photographs and stacks are
+    no slices. Pictures beside or above a DICOM series are not the scan.
+
+    Parameters
+    ----------
+    folder : Path
+    """
+    try:
+        files = [p for p in folder.iterdir() if p.is_file() and not p.name.startswith(".")]
+    except OSError:
+        # Whoever reads it says why.
         return []
-    # Pictures beside a series are not the scan.
-    others = [p for p in files if suffix_of(p) not in TIFF_SUFFIXES]
-    if any(suffix_of(p) in DICOM_SUFFIXES or has_dicom_preamble(p) for p in others):
+    tiffs = without_labels(p for p in files if suffix_of(p) in TIFF_SUFFIXES)
+    slices = sorted(tiffs, key=_by_numbers)
+    kinds = {_kind(path) for path in slices[:2]}
+    if len(slices) < 2 or len(kinds) > 1 or None in kinds or holds_dicom(folder):
         return []
-    return sorted(slices, key=_by_numbers)
+    return slices
+
+
+def is_slice(path: Path) -> bool:
+    """Tell whether a TIFF is a single grey picture, by its header."""
+    return _kind(path) is not None
+
+
+def _kind(path: Path) -> tuple[tuple[int, ...], str] | None:
+    """Return size and type of a TIFF that is a single grey picture, None for any other."""
+    import tifffile
+
+    with suppress(OSError, ValueError), read_errors_told(path), tifffile.TiffFile(path) as file:
+        # Not by its series: of OME they may be files of any place, which would be opened.
+        if len(file.pages) == 1 and file.pages.first.axes == "YX":
+            return file.pages.first.shape, str(file.pages.first.dtype)
+    return None
 
 
 def _by_numbers(path: Path) -> list[tuple[int, str]]:
     # 10 after 9, whether or not there are zeros before it.
     parts = re.findall(r"[0-9]+|[^0-9]+", path.name.lower())
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts]
 
 
 def read_slices(folder: Path, large: bool = False) -> FileData:

@@ -214,8 +214,9 @@ def _imagej(file: Any, assumed: list[str]) -> Spacing | None:
     distance = abs(float(notes.get("spacing", 1.0)))
     size = distance * scales["z"], float(sides[0]), float(sides[1])
     if unnamed:
-        # Of numbers without a unit the proportions count; those of voxels are all 1.
-        if size == (1.0, 1.0, 1.0):
+        # Of numbers without a unit the proportions count, unless they are of voxels or a screen.
+        screen = any(side != 1.0 and _is_of_a_screen(1.0 / side) for side in sides if side)
+        if screen or size == (1.0, 1.0, 1.0) or not all(0.0 < mm < math.inf for mm in size):
             return None
         assumed.append(NO_UNIT)
     return size

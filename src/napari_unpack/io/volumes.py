@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -18,6 +20,9 @@ from napari_unpack.io.arrays import read_names, read_npy, read_npz, write_npz
 from napari_unpack.io.file_data import FIRST_LABELS, FileData, checked_element
 from napari_unpack.io.scan import Scan, Spacing, checked_label_array, checked_scan
 from napari_unpack.read_errors import read_errors_told
+
+LABELS = ".labels"
+"""Ends the stem of a file with the labels of the volume beside it, as `save_scan` writes them."""
 
 # Headers of two-file formats (.mhd, .nhdr) are read but not written: one volume, one file.
 ITK_SUFFIXES = (".nii", ".nii.gz", ".mha", ".mhd", ".nrrd", ".nhdr")
@@ -211,7 +216,7 @@ def saved_files(path: Path) -> list[Path]:
     """Return the files that `save_scan` writes of a scan with labels."""
     suffix = suffix_of(path)
     # All formats but this hold one volume a file.
-    beside = path.with_name(f"{stem_of(path)}.labels{suffix}")
+    beside = path.with_name(f"{stem_of(path)}{LABELS}{suffix}")
     return [path] if suffix == ".npz" else [path, beside]
 
 
@@ -283,6 +288,29 @@ def is_zarr(folder: Path) -> bool:
     marks = ("zarr.json", ".zgroup", ".zarray")
     # Not Path's own, which raises where nobody may look into the folder.
     return suffix_of(folder) == ".zarr" or any(os.path.exists(folder / mark) for mark in marks)
+
+
+def holds_dicom(folder: Path) -> bool:
+    """Tell whether DICOM lies in a folder or below it, by the first files that are no TIFF."""
+    files = (p for p in sorted(folder.rglob("*")) if suffix_of(p) not in TIFF_SUFFIXES)
+    # A series has its slices together: twenty files tell, thousands would take seconds.
+    for file in islice((p for p in files if p.is_file()), 20):
+        with suppress(OSError):
+            if suffix_of(file) in DICOM_SUFFIXES or has_dicom_preamble(file):
+                return True
+    return False
+
+
+def without_labels(paths: Iterable[Path]) -> list[Path]:
+    """Return paths without the files that hold the labels of another of them."""
+    known = dict.fromkeys(paths)
+
+    def is_labels(path: Path) -> bool:
+        stem = stem_of(path)
+        volume = path.with_name(stem.removesuffix(LABELS) + suffix_of(path))
+        return stem.endswith(LABELS) and volume in known
+
+    return [path for path in known if not is_labels(path)]
 
 
 def _reader(file: Path) -> Callable[[Path, bool], FileData]:
