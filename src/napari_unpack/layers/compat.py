@@ -364,12 +364,6 @@ def zoom_by_click(viewer: napari.Viewer) -> Callable[..., None] | None:
 def refresh_status(viewer: napari.Viewer) -> None:
     """Have the status bar say what layers say now.
 
-    Parameters
-    ----------
-    viewer : napari.Viewer
-
-    Notes
-    -----
     napari asks the active layer in a thread of its own as soon as the mouse moves, before our
     callbacks hear of it; its answer, of what was there before, comes after ours.
     """
@@ -386,10 +380,7 @@ def when_window_closes(viewer: napari.Viewer, callback: Callable[[], None]) -> C
     ----------
     viewer : napari.Viewer
     callback : callable
-
-    Notes
-    -----
-    The window keeps the owner of the callback alive until then.
+        The window keeps its owner alive until then.
     """
     qt_window = native_window(viewer)
     if qt_window is None:
@@ -414,7 +405,8 @@ def when_window_closes(viewer: napari.Viewer, callback: Callable[[], None]) -> C
 def keep_keyboard(viewer: napari.Viewer) -> None:
     """Have napari's notifications leave the keyboard where it is, for the life of the canvas.
 
-    By itself each hands it to the canvas 4 s after it came: what is typed would be commands.
+    By itself each hands it to the canvas 4 s after it came: what is typed would be commands. The
+    ones beneath one that ends go after another 4 s: by themselves they would stay for ever.
     """
     native = getattr(native_canvas(viewer), "native", None)
     if native is None:
@@ -426,10 +418,15 @@ def keep_keyboard(viewer: napari.Viewer) -> None:
 
     def set_focus(*reason: Any) -> None:
         canvas, focused = known(), QApplication.focusWidget()
-        toasts = [one for one in canvas.findChildren(Toast) if one.isVisible()]
+        toasts = {one for one in canvas.findChildren(Toast) if one.isVisible()}
         # One that ends leaves the list before it hands the keyboard on.
-        if set(toasts) <= set(Toast._instances) or focused is None or canvas.isAncestorOf(focused):
+        left = toasts.intersection(Toast._instances)
+        if left == toasts or focused is None or canvas.isAncestorOf(focused):
             type(canvas).setFocus(canvas, *reason)
+        # The one beneath is looked for in that list as well, too late.
+        for one in left if left != toasts else ():
+            if one.timer.interval() and not (one.timer.isActive() or one.underMouse()):
+                one.timer_start()
 
     native.setFocus = set_focus
 
