@@ -566,3 +566,18 @@ def test_a_notification_that_ends_leaves_the_keyboard_where_it_is(
         assert QApplication.focusWidget() is canvas
         notifications.inform("Split off Object 4.")
         assert shown()
+
+
+def test_escape_empties_the_search_and_then_selects_nothing(story: Any, qtbot: QtBot) -> None:
+    keys, panel = story
+    session, pane = panel.workspace.session, panel.objects.pane
+    session.select([2])
+    pane.search.setFocus()
+    keys.press("2")
+    assert pane.table.rows.rowCount() == 1
+    keys.press(KEY.Key_Escape)
+    assert not pane.search.text()
+    assert QApplication.focusWidget() is pane.search
+    assert session.selected == {2}
+    keys.press(KEY.Key_Escape)
+    assert not session.selected

@@ -21,6 +21,7 @@ from napari_unpack.widgets.workspace import Change, Workspace
 
 if TYPE_CHECKING:
     from qtpy.QtCore import QPoint
+    from qtpy.QtGui import QKeyEvent
 
 FILTERS: dict[str, Callable[[Row], bool]] = {
     "All": lambda row: True,
@@ -30,6 +31,17 @@ FILTERS: dict[str, Callable[[Row], bool]] = {
     "Flagged": lambda row: row.flag is not None,
     "With a note": lambda row: bool(row.note),
 }
+
+
+class Search(Field):
+    """A field that Escape empties; where it is empty, Escape is the viewer's."""
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Empty it by Escape."""
+        if event.key() == Qt.Key.Key_Escape and self.text():
+            self.clear()
+        else:
+            super().keyPressEvent(event)
 
 
 class ObjectsPane(QWidget):
@@ -59,7 +71,7 @@ class ObjectsPane(QWidget):
         self._workspace, self._commands = workspace, commands
         self._actions = actions
         self.table = ObjectTable(model, key)
-        self.search = Field()
+        self.search = Search()
         self.search.setPlaceholderText("Search objects")
         self.search.setAccessibleName("Search objects")
         self.search.setClearButtonEnabled(True)
