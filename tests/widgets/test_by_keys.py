@@ -568,6 +568,29 @@ def test_a_notification_that_ends_leaves_the_keyboard_where_it_is(
         assert shown()
 
 
+@pytest.mark.parametrize("control", ["Cut", "Opacity curve of this object", "Reset"])
+def test_a_control_that_goes_with_the_inspection_hands_its_key_to_no_other(
+    story: Any, qtbot: QtBot, control: str
+) -> None:
+    keys, panel = story
+    session = panel.workspace.session
+    session.select([session.ids[0]])
+    keys.press("i")
+    rest(panel, qtbot)
+    assert panel.unpack.inspection.isVisible()
+    box = panel.unpack.inspection
+    field = {"Cut": box.cut, "Reset": box.reset}.get(control, box.editor)
+    field.setFocus()
+    keys.press(KEY.Key_Escape)
+    rest(panel, qtbot)
+    assert not box.isVisible()
+    more = panel.unpack.findChild(Collapsible)
+    keys.press(KEY.Key_Space, times=2)
+    assert not more.toggle.isChecked()
+    keys.press(KEY.Key_Tab)
+    assert keys.focus == more.toggle.text()
+
+
 def test_escape_empties_the_search_and_then_selects_nothing(story: Any, qtbot: QtBot) -> None:
     keys, panel = story
     session, pane = panel.workspace.session, panel.objects.pane
