@@ -604,3 +604,22 @@ def test_escape_empties_the_search_and_then_selects_nothing(story: Any, qtbot: Q
     assert session.selected == {2}
     keys.press(KEY.Key_Escape)
     assert not session.selected
+
+
+def test_a_note_is_written_from_the_menu(story: Any, qtbot: QtBot) -> None:
+    keys, panel = story
+    session, pane = panel.workspace.session, panel.objects.pane
+    pane.table.setFocus()
+    session.select([2, 3])
+    qtbot.waitUntil(lambda: pane.table.selected_ids() == [2, 3], timeout=5000)
+    (entry,) = (action for action in pane.menu().actions() if action.text() == "Note…")
+    assert not entry.isEnabled()
+    pick(keys, session, 2)
+    assert pane.table.isColumnHidden(Column.NOTE)
+    pane.menu().popup(pane.table.mapToGlobal(pane.table.rect().center()))
+    keys.choose("Note")
+    assert not pane.table.isColumnHidden(Column.NOTE)
+    keys.press("ask the owner")
+    keys.press(KEY.Key_Return)
+    assert session.annotations.notes == {2: "ask the owner"}
+    assert session.selected == {2}

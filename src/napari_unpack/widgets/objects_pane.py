@@ -12,7 +12,7 @@ from napari_unpack.session.object_state import ObjectState
 from napari_unpack.widgets.color_chooser import ColorChooser
 from napari_unpack.widgets.commands import Commands, objects_in
 from napari_unpack.widgets.narrow import Choice, Field
-from napari_unpack.widgets.object_columns import FLAG_ROUND, Row
+from napari_unpack.widgets.object_columns import FLAG_ROUND, Column, Row
 from napari_unpack.widgets.object_menu import ObjectMenu
 from napari_unpack.widgets.object_model import ObjectModel
 from napari_unpack.widgets.object_table import ObjectTable
@@ -110,7 +110,8 @@ class ObjectsPane(QWidget):
 
     def menu(self) -> QMenu | None:
         """Make the context menu of the selected rows; None where none is selected."""
-        return self._actions.of(self.table.selected_ids(), self)
+        table = self.table
+        return self._actions.of(table.selected_ids(), self, lambda i: table.write(i, Column.NOTE))
 
     def _follow(self, change: Change) -> None:
         if change & (Change.SELECTED | Change.LABELS):
