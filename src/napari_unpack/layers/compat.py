@@ -9,8 +9,8 @@ opened in the viewer.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Protocol
@@ -162,6 +162,24 @@ def draw_in_units(viewer: napari.Viewer, layer: Layer, units: Sequence[Any] | No
         _qt_viewer(viewer).canvas.layer_to_visual[layer].world_units = units
 
 
+@contextmanager
+def clash_told(viewer: napari.Viewer) -> Iterator[None]:
+    """Have layers come and go: that the units of others clash has been said, and is not again."""
+    canvas, layers = getattr(_qt_viewer(viewer), "canvas", None), unwrap(viewer).layers
+    update = getattr(canvas, "_update_world_units", None)
+    pending = getattr(canvas, "_needs_world_units_update", True)
+    # Other versions of napari have other names. What waits for a draw has not been said.
+    if canvas is None or update is None or pending or not layers or layers.extent.units:
+        yield
+        return
+    # napari draws at once. In a clash each layer stands in units of its own, as when it comes.
+    canvas._update_world_units = lambda: layers.extent.units and update()
+    try:
+        yield
+    finally:
+        del canvas._update_world_units
+
+
 def is_shown(viewer: napari.Viewer) -> bool:
     """Return whether a viewer's canvas can be seen: not before it is shown, nor while it closes."""
     native = getattr(native_canvas(viewer), "native", None)
@@ -185,10 +203,7 @@ def call_off_exit(window: QObject) -> None:
 class RedrawHook:
     """Takes a canvas's requests for a redraw, by replacing its `update`.
 
-    Parameters
-    ----------
-    canvas : vispy.scene.SceneCanvas or None
-        None, a viewer without a window, asks for nothing.
+    None, the canvas of a viewer without a window, asks for nothing.
     """
 
     def __init__(self, canvas: SceneCanvas | None) -> None:
@@ -224,10 +239,7 @@ class RedrawHook:
 class PictureHook:
     """Tells when napari takes a picture of a canvas, by replacing what reads its pixels.
 
-    Parameters
-    ----------
-    canvas : vispy.scene.SceneCanvas or None
-        None, a viewer without a window, has no picture taken.
+    None, the canvas of a viewer without a window, has no picture taken.
     """
 
     def __init__(self, canvas: SceneCanvas | None) -> None:
@@ -263,13 +275,8 @@ _GUARDED = "finishes_in_own_context"
 def finish_in_own_context(canvas: SceneCanvas | None) -> None:
     """Make `finish` of a canvas's context run in that context; once is enough.
 
-    Parameters
-    ----------
-    canvas : vispy.scene.SceneCanvas or None
-        With a Qt backend. None, a viewer without a window, is left alone.
+    None, the canvas of a viewer without a window, is left alone; others have a Qt backend.
 
-    Notes
-    -----
     When layers go, napari calls `context.finish()` on their canvas so that the driver lets go of
     them before the scene is rebuilt. It does not make the canvas current first. With two viewers
     open the current context may be the other one's, and GL names are only numbers: the programs
@@ -356,9 +363,8 @@ def pixel_scale(viewer: napari.Viewer) -> float:
 def zoom_by_click(viewer: napari.Viewer) -> Callable[..., None] | None:
     """Return napari's own among what a viewer calls at double clicks; None if it has gone."""
     callbacks = viewer.mouse_double_click_callbacks
-    return next(
-        (c for c in callbacks if getattr(c, "__name__", "") == "double_click_to_zoom"), None
-    )
+    own = (c for c in callbacks if getattr(c, "__name__", "") == "double_click_to_zoom")
+    return next(own, None)
 
 
 def refresh_status(viewer: napari.Viewer) -> None:
@@ -465,14 +471,9 @@ class PictureLayer(Layer):
 
     Notes
     -----
-    To napari's writers and to **Duplicate** it is the table of its objects: a Points layer with
-    one point at each object's centre. Of napari's layer types that is the one no action of the
-    layer list tries to convert, project or split.
-
-    Attributes
-    ----------
-    table : Table or None
-        None is the table of no objects.
+    To napari's writers and to **Duplicate** it is the `table` of its objects (None: of none): a
+    Points layer with one point at each object's centre. Of napari's layer types that is the one no
+    action of the layer list tries to convert, project or split.
     """
 
     frame_changed = Signal(object)
