@@ -566,3 +566,60 @@ def test_a_notification_that_ends_leaves_the_keyboard_where_it_is(
         assert QApplication.focusWidget() is canvas
         notifications.inform("Split off Object 4.")
         assert shown()
+
+
+@pytest.mark.parametrize("control", ["Cut", "Opacity curve of this object", "Reset"])
+def test_a_control_that_goes_with_the_inspection_hands_its_key_to_no_other(
+    story: Any, qtbot: QtBot, control: str
+) -> None:
+    keys, panel = story
+    session = panel.workspace.session
+    session.select([session.ids[0]])
+    keys.press("i")
+    rest(panel, qtbot)
+    assert panel.unpack.inspection.isVisible()
+    box = panel.unpack.inspection
+    field = {"Cut": box.cut, "Reset": box.reset}.get(control, box.editor)
+    field.setFocus()
+    keys.press(KEY.Key_Escape)
+    rest(panel, qtbot)
+    assert not box.isVisible()
+    more = panel.unpack.findChild(Collapsible)
+    keys.press(KEY.Key_Space, times=2)
+    assert not more.toggle.isChecked()
+    keys.press(KEY.Key_Tab)
+    assert keys.focus == more.toggle.text()
+
+
+def test_escape_empties_the_search_and_then_selects_nothing(story: Any, qtbot: QtBot) -> None:
+    keys, panel = story
+    session, pane = panel.workspace.session, panel.objects.pane
+    session.select([2])
+    pane.search.setFocus()
+    keys.press("2")
+    assert pane.table.rows.rowCount() == 1
+    keys.press(KEY.Key_Escape)
+    assert not pane.search.text()
+    assert QApplication.focusWidget() is pane.search
+    assert session.selected == {2}
+    keys.press(KEY.Key_Escape)
+    assert not session.selected
+
+
+def test_a_note_is_written_from_the_menu(story: Any, qtbot: QtBot) -> None:
+    keys, panel = story
+    session, pane = panel.workspace.session, panel.objects.pane
+    pane.table.setFocus()
+    session.select([2, 3])
+    qtbot.waitUntil(lambda: pane.table.selected_ids() == [2, 3], timeout=5000)
+    (entry,) = (action for action in pane.menu().actions() if action.text() == "Note…")
+    assert not entry.isEnabled()
+    pick(keys, session, 2)
+    assert pane.table.isColumnHidden(Column.NOTE)
+    pane.menu().popup(pane.table.mapToGlobal(pane.table.rect().center()))
+    keys.choose("Note")
+    assert not pane.table.isColumnHidden(Column.NOTE)
+    keys.press("ask the owner")
+    keys.press(KEY.Key_Return)
+    assert session.annotations.notes == {2: "ask the owner"}
+    assert session.selected == {2}

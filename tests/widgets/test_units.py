@@ -26,7 +26,7 @@ from napari_unpack.widgets.object_model import Column
 from napari_unpack.widgets.segment_options import SegmentOptions
 from napari_unpack.widgets.theme import GAP
 from napari_unpack.widgets.voxel_size import VoxelSize, edges_of
-from opened_panel import add_bag, controller_with, rest
+from opened_panel import add_bag, controller_with, pile_of_balls, press, rest
 
 ONE, TWO = ("\u2009×\u2009".join(edges) for edges in ("111", "211"))
 
@@ -375,3 +375,29 @@ def test_a_voxel_size_typed_in_micrometres_is_that_of_a_layer_in_micrometres(
     _type_size(panel, "4 × 1.5 × 1.5")
     np.testing.assert_allclose(image.scale, (4, 1.5, 1.5))
     assert panel.segment.voxels.names.currentText() == MICRO
+
+
+@pytest.mark.parametrize("found", [False, True])
+def test_that_units_clash_is_said_once(
+    viewer: Any, panel: Any, piled: Any, qtbot: QtBot, found: bool
+) -> None:
+    volume, labels = pile_of_balls()
+
+    def said() -> int:
+        return sum("Inconsistent units" in r.message for r in notification_manager.records)
+
+    before = said()
+    second = viewer.add_image(volume, name="second")
+    true = None if found else viewer.add_labels(labels, name="true", visible=False)
+    rest(panel, qtbot)
+    qtbot.waitUntil(lambda: said() > before, timeout=10000)
+    told = said()
+    panel.segment.volume_input.choose(second)
+    panel.segment.labels_input.choose(true)
+    press(qtbot, panel.segment.start)
+    qtbot.waitUntil(lambda: panel.workspace.session is not piled, timeout=90000)
+    qtbot.waitUntil(lambda: panel.workspace.controller is not None, timeout=90000)
+    rest(panel, qtbot)
+    panel.workspace.close()
+    qtbot.wait(200)
+    assert said() == told

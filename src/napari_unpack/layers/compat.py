@@ -9,8 +9,8 @@ opened in the viewer.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Protocol
@@ -162,6 +162,24 @@ def draw_in_units(viewer: napari.Viewer, layer: Layer, units: Sequence[Any] | No
         _qt_viewer(viewer).canvas.layer_to_visual[layer].world_units = units
 
 
+@contextmanager
+def clash_told(viewer: napari.Viewer) -> Iterator[None]:
+    """Have layers come and go: that the units of others clash has been said, and is not again."""
+    canvas, layers = getattr(_qt_viewer(viewer), "canvas", None), unwrap(viewer).layers
+    update = getattr(canvas, "_update_world_units", None)
+    pending = getattr(canvas, "_needs_world_units_update", True)
+    # Other versions of napari have other names. What waits for a draw has not been said.
+    if canvas is None or update is None or pending or not layers or layers.extent.units:
+        yield
+        return
+    # napari draws at once. In a clash each layer stands in units of its own, as when it comes.
+    canvas._update_world_units = lambda: layers.extent.units and update()
+    try:
+        yield
+    finally:
+        del canvas._update_world_units
+
+
 def is_shown(viewer: napari.Viewer) -> bool:
     """Return whether a viewer's canvas can be seen: not before it is shown, nor while it closes."""
     native = getattr(native_canvas(viewer), "native", None)
@@ -185,10 +203,7 @@ def call_off_exit(window: QObject) -> None:
 class RedrawHook:
     """Takes a canvas's requests for a redraw, by replacing its `update`.
 
-    Parameters
-    ----------
-    canvas : vispy.scene.SceneCanvas or None
-        None, a viewer without a window, asks for nothing.
+    None, the canvas of a viewer without a window, asks for nothing.
     """
 
     def __init__(self, canvas: SceneCanvas | None) -> None:
@@ -224,10 +239,7 @@ class RedrawHook:
 class PictureHook:
     """Tells when napari takes a picture of a canvas, by replacing what reads its pixels.
 
-    Parameters
-    ----------
-    canvas : vispy.scene.SceneCanvas or None
-        None, a viewer without a window, has no picture taken.
+    None, the canvas of a viewer without a window, has no picture taken.
     """
 
     def __init__(self, canvas: SceneCanvas | None) -> None:
@@ -263,13 +275,8 @@ _GUARDED = "finishes_in_own_context"
 def finish_in_own_context(canvas: SceneCanvas | None) -> None:
     """Make `finish` of a canvas's context run in that context; once is enough.
 
-    Parameters
-    ----------
-    canvas : vispy.scene.SceneCanvas or None
-        With a Qt backend. None, a viewer without a window, is left alone.
+    None, the canvas of a viewer without a window, is left alone; others have a Qt backend.
 
-    Notes
-    -----
     When layers go, napari calls `context.finish()` on their canvas so that the driver lets go of
     them before the scene is rebuilt. It does not make the canvas current first. With two viewers
     open the current context may be the other one's, and GL names are only numbers: the programs
@@ -356,20 +363,13 @@ def pixel_scale(viewer: napari.Viewer) -> float:
 def zoom_by_click(viewer: napari.Viewer) -> Callable[..., None] | None:
     """Return napari's own among what a viewer calls at double clicks; None if it has gone."""
     callbacks = viewer.mouse_double_click_callbacks
-    return next(
-        (c for c in callbacks if getattr(c, "__name__", "") == "double_click_to_zoom"), None
-    )
+    own = (c for c in callbacks if getattr(c, "__name__", "") == "double_click_to_zoom")
+    return next(own, None)
 
 
 def refresh_status(viewer: napari.Viewer) -> None:
     """Have the status bar say what layers say now.
 
-    Parameters
-    ----------
-    viewer : napari.Viewer
-
-    Notes
-    -----
     napari asks the active layer in a thread of its own as soon as the mouse moves, before our
     callbacks hear of it; its answer, of what was there before, comes after ours.
     """
@@ -386,10 +386,7 @@ def when_window_closes(viewer: napari.Viewer, callback: Callable[[], None]) -> C
     ----------
     viewer : napari.Viewer
     callback : callable
-
-    Notes
-    -----
-    The window keeps the owner of the callback alive until then.
+        The window keeps its owner alive until then.
     """
     qt_window = native_window(viewer)
     if qt_window is None:
@@ -414,7 +411,8 @@ def when_window_closes(viewer: napari.Viewer, callback: Callable[[], None]) -> C
 def keep_keyboard(viewer: napari.Viewer) -> None:
     """Have napari's notifications leave the keyboard where it is, for the life of the canvas.
 
-    By itself each hands it to the canvas 4 s after it came: what is typed would be commands.
+    By itself each hands it to the canvas 4 s after it came: what is typed would be commands. The
+    ones beneath one that ends go after another 4 s: by themselves they would stay for ever.
     """
     native = getattr(native_canvas(viewer), "native", None)
     if native is None:
@@ -426,10 +424,15 @@ def keep_keyboard(viewer: napari.Viewer) -> None:
 
     def set_focus(*reason: Any) -> None:
         canvas, focused = known(), QApplication.focusWidget()
-        toasts = [one for one in canvas.findChildren(Toast) if one.isVisible()]
+        toasts = {one for one in canvas.findChildren(Toast) if one.isVisible()}
         # One that ends leaves the list before it hands the keyboard on.
-        if set(toasts) <= set(Toast._instances) or focused is None or canvas.isAncestorOf(focused):
+        left = toasts.intersection(Toast._instances)
+        if left == toasts or focused is None or canvas.isAncestorOf(focused):
             type(canvas).setFocus(canvas, *reason)
+        # The one beneath is looked for in that list as well, too late.
+        for one in left if left != toasts else ():
+            if one.timer.interval() and not (one.timer.isActive() or one.underMouse()):
+                one.timer_start()
 
     native.setFocus = set_focus
 
@@ -468,14 +471,9 @@ class PictureLayer(Layer):
 
     Notes
     -----
-    To napari's writers and to **Duplicate** it is the table of its objects: a Points layer with
-    one point at each object's centre. Of napari's layer types that is the one no action of the
-    layer list tries to convert, project or split.
-
-    Attributes
-    ----------
-    table : Table or None
-        None is the table of no objects.
+    To napari's writers and to **Duplicate** it is the `table` of its objects (None: of none): a
+    Points layer with one point at each object's centre. Of napari's layer types that is the one no
+    action of the layer list tries to convert, project or split.
     """
 
     frame_changed = Signal(object)

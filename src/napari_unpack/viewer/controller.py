@@ -269,8 +269,9 @@ class SessionController:
         viewer.scene.camera.orientation = RIGHT_HANDED
         end_with_process(self.close)
         self._connections.decorate()
-        for layer in self.layers:
-            viewer.add_layer(layer)
+        with compat.clash_told(viewer):
+            for layer in self.layers:
+                viewer.add_layer(layer)
         # napari shows the controls and the status of the active layer.
         viewer.layers.selection.active = self.packed
         self._connections.open()
@@ -493,5 +494,5 @@ def _remove(viewer: napari.Viewer, layers: Sequence[Layer]) -> None:
     for layer in there:
         layer.locked = False
     # At once, since napari collects all garbage after every removal.
-    with viewer.layers.batched_update():
+    with compat.clash_told(viewer), viewer.layers.batched_update():
         to_the_end(*(partial(viewer.layers.remove, layer) for layer in there))

@@ -36,6 +36,10 @@ SLOT = "facts of the inspected object"
 APPLY_MS = 40
 
 
+class _Cut(KeepsKeyboard, QSlider):
+    """A slider that goes with the inspection."""
+
+
 class InspectionBox(KeepsKeyboard, QWidget):
     """Shown while an object is inspected; what is set here leaves the bag as it is.
 
@@ -55,7 +59,7 @@ class InspectionBox(KeepsKeyboard, QWidget):
         self.facts.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.editor = OpacityEditor()
         self.editor.setAccessibleName("Opacity curve of this object")
-        self.cut = QSlider(Qt.Orientation.Horizontal)
+        self.cut = _Cut(Qt.Orientation.Horizontal)
         self.cut.setRange(0, 100)
         self.cut.setToolTip("Cut the object open from your side; the cut ends with the inspection.")
         self.open = button("Open", "Show what is inside the object as a bag of its own.")

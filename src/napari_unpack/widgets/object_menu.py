@@ -46,7 +46,9 @@ class ObjectMenu:
         self._workspace, self._commands, self._planner = workspace, commands, planner
         self._repair, self._chooser = repair, chooser
 
-    def of(self, ids: Sequence[int], parent: QWidget) -> QMenu | None:
+    def of(
+        self, ids: Sequence[int], parent: QWidget, write_note: Callable[[int], None]
+    ) -> QMenu | None:
         """Make the menu; None where there is nothing to do anything with.
 
         Parameters
@@ -55,6 +57,8 @@ class ObjectMenu:
             The selected objects.
         parent : QWidget
             Of the menu.
+        write_note : callable
+            Lets a person type the note of an object.
         """
         session = self._workspace.session
         if not ids or session is None:
@@ -67,6 +71,7 @@ class ObjectMenu:
                 menu.addSeparator()
             _fill(menu, block)
         menu.addSeparator()
+        _fill(menu, [("Note…", lambda: write_note(ids[0]), len(ids) == 1)])
         _fill(menu.addMenu("Flag"), self._flags(ids, session))
         _fill(menu, self._examples(ids, session))
         return menu

@@ -444,6 +444,23 @@ class ObjectTable(QTableView):
                 field.setText(typed.text)
                 field.setCursorPosition(typed.place)
 
+    def write(self, object_id: int, column: Column) -> None:
+        """Let a person type into a cell, in a column that is shown for that.
+
+        Parameters
+        ----------
+        object_id : int
+        column : Column
+            Of the name or of the note.
+        """
+        if self.isColumnHidden(column):
+            self._choose(column, True)
+        index = self.rows.index_of(object_id).siblingAtColumn(column)
+        # The selection stays as it is.
+        self.selectionModel().setCurrentIndex(index, QItemSelectionModel.SelectionFlag.NoUpdate)
+        self.scrollTo(index)
+        self.edit(index)
+
     def selected_ids(self) -> list[int]:
         """Return the IDs of the selected rows, from top to bottom."""
         if self._selected is None:

@@ -12,7 +12,7 @@ from napari_unpack.session.object_state import ObjectState
 from napari_unpack.widgets.color_chooser import ColorChooser
 from napari_unpack.widgets.commands import Commands, objects_in
 from napari_unpack.widgets.narrow import Choice, Field
-from napari_unpack.widgets.object_columns import FLAG_ROUND, Row
+from napari_unpack.widgets.object_columns import FLAG_ROUND, Column, Row
 from napari_unpack.widgets.object_menu import ObjectMenu
 from napari_unpack.widgets.object_model import ObjectModel
 from napari_unpack.widgets.object_table import ObjectTable
@@ -21,6 +21,7 @@ from napari_unpack.widgets.workspace import Change, Workspace
 
 if TYPE_CHECKING:
     from qtpy.QtCore import QPoint
+    from qtpy.QtGui import QKeyEvent
 
 FILTERS: dict[str, Callable[[Row], bool]] = {
     "All": lambda row: True,
@@ -30,6 +31,17 @@ FILTERS: dict[str, Callable[[Row], bool]] = {
     "Flagged": lambda row: row.flag is not None,
     "With a note": lambda row: bool(row.note),
 }
+
+
+class Search(Field):
+    """A field that Escape empties; where it is empty, Escape is the viewer's."""
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Empty it by Escape."""
+        if event.key() == Qt.Key.Key_Escape and self.text():
+            self.clear()
+        else:
+            super().keyPressEvent(event)
 
 
 class ObjectsPane(QWidget):
@@ -59,7 +71,7 @@ class ObjectsPane(QWidget):
         self._workspace, self._commands = workspace, commands
         self._actions = actions
         self.table = ObjectTable(model, key)
-        self.search = Field()
+        self.search = Search()
         self.search.setPlaceholderText("Search objects")
         self.search.setAccessibleName("Search objects")
         self.search.setClearButtonEnabled(True)
@@ -98,7 +110,8 @@ class ObjectsPane(QWidget):
 
     def menu(self) -> QMenu | None:
         """Make the context menu of the selected rows; None where none is selected."""
-        return self._actions.of(self.table.selected_ids(), self)
+        table = self.table
+        return self._actions.of(table.selected_ids(), self, lambda i: table.write(i, Column.NOTE))
 
     def _follow(self, change: Change) -> None:
         if change & (Change.SELECTED | Change.LABELS):

@@ -12,6 +12,7 @@ from qtpy.QtGui import QBrush, QColor, QLinearGradient, QPainter, QPen, QPolygon
 from qtpy.QtWidgets import QWidget
 
 from napari_unpack.geometry.length_unit import density_text
+from napari_unpack.widgets.kept_keyboard import KeepsKeyboard
 
 if TYPE_CHECKING:
     from qtpy.QtGui import QKeyEvent, QMouseEvent, QPaintEvent
@@ -127,7 +128,7 @@ def round_densities(low: float, high: float) -> list[float]:
     return found
 
 
-class OpacityEditor(QWidget):
+class OpacityEditor(KeepsKeyboard, QWidget):
     """Drag, add and remove the points of a piecewise linear opacity curve.
 
     Opacity runs on a cubic-root scale, since what matters for translucency lies near zero; density

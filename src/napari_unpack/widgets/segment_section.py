@@ -15,7 +15,7 @@ from napari.layers import Image, Labels, Layer
 from napari_unpack.geometry.length_unit import LengthUnit
 from napari_unpack.io.file_data import FileData
 from napari_unpack.io.labels_on_volume import laid_over
-from napari_unpack.layers.compat import unwrap
+from napari_unpack.layers.compat import clash_told, unwrap
 from napari_unpack.layers.levels import place_of_level
 from napari_unpack.layers.placement import (
     assumed_of,
@@ -443,14 +443,11 @@ class SegmentSection(Section):
         one_of_many = order.volume.name != image.name
         if labels is not None and not one_of_many:
             return labels
-        return unwrap(
-            self._workspace.viewer.add_labels(
-                built.labels,
-                name=f"{order.volume.name} objects",
-                **order.place,
-                visible=visible,
+        viewer, name = self._workspace.viewer, f"{order.volume.name} objects"
+        with clash_told(viewer):
+            return unwrap(
+                viewer.add_labels(built.labels, name=name, **order.place, visible=visible)
             )
-        )
 
     def _level_layer(self, order: _Order, built: BuiltSession) -> Layer:
         """Add the level that is unpacked as a layer, in place of all levels."""

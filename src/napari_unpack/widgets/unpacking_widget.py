@@ -33,6 +33,7 @@ from napari_unpack.widgets.files_section import FilesSection
 from napari_unpack.widgets.focus_ring import FocusRing
 from napari_unpack.widgets.held_place import HeldPlace
 from napari_unpack.widgets.measure_box import MeasureBox
+from napari_unpack.widgets.narrow_canvas import NarrowCanvas
 from napari_unpack.widgets.objects_section import ObjectsSection
 from napari_unpack.widgets.recovery import RecoveryBar, RecoveryKeeper
 from napari_unpack.widgets.reveal_box import RevealPlanner
@@ -144,6 +145,7 @@ class UnpackingWidget(QWidget):
         self._arrange()
         native = getattr(compat.native_canvas(napari_viewer), "native", None)
         self.ring = None if native is None else FocusRing(native)
+        self._narrow = None if native is None else NarrowCanvas(native)
         self.unpack.draw.toggled.connect(self._follow_drawing)
         # Where the keyboard was in the panel and in our docks.
         self._left: dict[QWidget, QWidget] = {}
@@ -294,6 +296,8 @@ class UnpackingWidget(QWidget):
             key.deleteLater()
         if self.ring is not None:
             self.ring.end()
+        if self._narrow is not None:
+            self._narrow.end()
         self._viewer.events.theme.disconnect(self._dress)
 
     def closeEvent(self, event: QCloseEvent) -> None:
