@@ -106,9 +106,7 @@ def test_labels_that_do_not_say_how_they_lie_are_doubted_on_a_turned_volume(tmp_
         # The other way round.
         bare = load_volume(tmp_path / "bare.npy")
         told = scan_with_label_file(bare, path).assumed[len(bare.assumed) :]
-        assert ["its volume does not say how it lies" in words for words in told] == [
-            True
-        ] * doubted
+        assert any("its volume does not say how it lies" in words for words in told) == doubted
         # What this package saves lies as it says.
         saved = save_scan(scan.with_labels(scan.volume), tmp_path / "saved.npz")[0]
         assert scan_with_label_file(scan, saved).assumed == scan.assumed
