@@ -151,26 +151,23 @@ def load_input(source: Path, at: str | None, large: bool, spacing: str | None) -
     ValueError
         If `at` or `spacing` is not as the option wants it; else as for `load_volume`.
     """
-    return _resized(_stored_input(source, at, large, spacing), spacing)
+    given = given_spacing(spacing)
+    scan = _stored_input(source, at, large, given)
+    return scan if given is None else scan.with_spacing(given)
 
 
-def _stored_input(source: Path, at: str | None, large: bool, spacing: str | None) -> Scan:
+def _stored_input(source: Path, at: str | None, large: bool, given: Spacing | None) -> Scan:
     """Return the volume of a file with the voxel size that the file gives it."""
-    from napari_unpack.geometry.length_unit import SIZE_ASSUMED
+    from napari_unpack.geometry.length_unit import SIZE_ASSUMED, assumed_besides_size
     from napari_unpack.io import load_volume
 
-    given_spacing(spacing)
     scan = load_volume(source, chosen_elements(at), large)
-    # What is given need not be assumed, nor said of the labels.
-    scan = replace(scan, assumed=_resized(scan, spacing).assumed)
+    if given is not None:
+        # It need not be assumed, nor said of the labels.
+        scan = replace(scan, assumed=assumed_besides_size(scan.assumed))
     advice = "; --spacing 'Z Y X' gives it in mm"
     _tell_assumed(source, (s + advice if SIZE_ASSUMED.search(s) else s for s in scan.assumed))
     return scan
-
-
-def _resized(scan: Scan, spacing: str | None) -> Scan:
-    given = given_spacing(spacing)
-    return scan if given is None else scan.with_spacing(given)
 
 
 def given_spacing(spacing: str | None) -> Spacing | None:
@@ -383,7 +380,8 @@ def open_input(
             session.direction = direction_of(direction)
         return session
     # By what the files say labels lie on their volume: they may have one wrong size.
-    scan = _stored_input(source, at, large, spacing)
+    given = given_spacing(spacing)
+    scan = _stored_input(source, at, large, given)
     if labels is not None:
         tell_labels_beside(labels)
         known = len(scan.assumed)
@@ -395,7 +393,8 @@ def open_input(
         anew = "; it is segmented anew, unless --labels names labels"
         more = "; --labels takes others"
         scan = _with_labels_beside(scan, source, large, chosen_elements(at), more, anew)
-    scan = _resized(scan, spacing)
+    if given is not None:
+        scan = scan.with_spacing(given)
     return open_scan(scan, view or FROM_ABOVE, direction_of(direction), Ticker(), backend)
 
 

@@ -19,10 +19,11 @@ from typing import Any
 from napari_unpack.atomic import empty_file_beside, given_path
 from napari_unpack.batches.inputs import ScanInput
 from napari_unpack.batches.memory_needs import need_of
-from napari_unpack.batches.run_settings import RUN, installed_version
+from napari_unpack.batches.run_settings import RUN
 from napari_unpack.io.optional import needed
 from napari_unpack.memory import free_memory
 from napari_unpack.thread_count import SETTING, thread_count
+from napari_unpack.version import __version__
 
 CONNECT_SECONDS = 10
 """A scheduler that is there answers within one, also from far away."""
@@ -283,13 +284,12 @@ def check_versions(client: Any) -> None:
     for worker, answer in client.run(asked, on_error="return").items():
         if isinstance(answer, BaseException):
             raise ValueError(
-                f"the worker {worker} has no napari-unpack: install version "
-                f"{installed_version()} there"
+                f"the worker {worker} has no napari-unpack: install version {__version__} there"
             )
-        if answer != installed_version():
+        if answer != __version__:
             raise ValueError(
                 f"the worker {worker} has napari-unpack {answer}, and this is "
-                f"{installed_version()}: install the same version everywhere"
+                f"{__version__}: install the same version everywhere"
             )
 
 

@@ -21,7 +21,7 @@ from napari_unpack.io.volumes import (
     DICOM_SUFFIXES,
     LABELS,
     READABLE,
-    has_dicom_preamble,
+    is_dicom,
     is_zarr,
     printable,
     stem_of,
@@ -176,14 +176,7 @@ def _holds_slices(files: list[Path]) -> bool:
     """Tell whether slices of a DICOM series are among the files of a folder."""
     # The first few tell: a series has its slices together.
     unnamed = [f for f in files if suffix_of(f) not in READABLE and f.name != "DICOMDIR"][:20]
-    return any(suffix_of(f) in DICOM_SUFFIXES for f in files) or any(map(_is_dicom, unnamed))
-
-
-def _is_dicom(file: Path) -> bool:
-    try:
-        return has_dicom_preamble(file)
-    except OSError:
-        return False
+    return any(suffix_of(f) in DICOM_SUFFIXES for f in files) or any(map(is_dicom, unnamed))
 
 
 COLUMNS = ("volume", "labels", "name", "spacing")

@@ -6,7 +6,6 @@ import hashlib
 import json
 import os
 from dataclasses import asdict, dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from napari_unpack.io.scan import Scan
 from napari_unpack.io.session_archive import ArrayFacts
 from napari_unpack.segmentation.common.validation import check_smallest
 from napari_unpack.unpacking.direction import checked_direction
+from napari_unpack.version import __version__
 
 FORMAT, VERSION = "napari-unpack batch", 1
 RUN, SCANS = "run.json", "scans"
@@ -83,12 +83,7 @@ class Settings:
         """Return them as plain data, with the version whose results they decide."""
         # As it comes back from a file, where a tuple is a list.
         told: dict[str, Any] = json.loads(json.dumps(asdict(self)))
-        return {**told, "version": installed_version()}
-
-
-def installed_version() -> str:
-    """Return the version of this package."""
-    return version("napari-unpack")
+        return {**told, "version": __version__}
 
 
 def identity_of_settings(settings: Settings) -> str:

@@ -30,6 +30,7 @@ from napari_unpack.io.session_archive import (
 )
 from napari_unpack.read_errors import read_errors_told
 from napari_unpack.tasks import Progress, Share, attended, no_progress
+from napari_unpack.version import __version__
 
 if TYPE_CHECKING:
     from napari_unpack.geometry.view import Camera
@@ -138,8 +139,6 @@ def manifest_of(session: Session, standing: ArrayLike | None) -> dict[str, Any]:
     session, standing
         As for `save_session`.
     """
-    from importlib.metadata import version
-
     from napari_unpack.io.answers import evidence_record
     from napari_unpack.io.session_json import record_of
 
@@ -147,7 +146,7 @@ def manifest_of(session: Session, standing: ArrayLike | None) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "version": VERSION,
-        "written_by": f"napari-unpack {version('napari-unpack')}",
+        "written_by": f"napari-unpack {__version__}",
         "session": record_of(session),
         "standing": None if standing is None else np.asarray(standing, np.float64).tolist(),
         "first_voxel_mm": session.first_voxel_mm.tolist(),

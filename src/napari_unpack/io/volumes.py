@@ -294,10 +294,13 @@ def holds_dicom(folder: Path) -> bool:
     """Tell whether DICOM lies in a folder or below it, by the first files that are no TIFF."""
     files = (p for p in sorted(folder.rglob("*")) if suffix_of(p) not in TIFF_SUFFIXES)
     # A series has its slices together: twenty files tell, thousands would take seconds.
-    for file in islice((p for p in files if p.is_file()), 20):
-        with suppress(OSError):
-            if suffix_of(file) in DICOM_SUFFIXES or has_dicom_preamble(file):
-                return True
+    return any(map(is_dicom, islice((p for p in files if p.is_file()), 20)))
+
+
+def is_dicom(file: Path) -> bool:
+    """Tell whether a file is DICOM, by its name or its mark; not where it may not be read."""
+    with suppress(OSError):
+        return suffix_of(file) in DICOM_SUFFIXES or has_dicom_preamble(file)
     return False
 
 

@@ -338,7 +338,7 @@ def score_by(objects: pd.DataFrame, groups: Mapping[int, Any] | pd.Series) -> pd
     TypeError
         If the groups are neither, such as a whole table.
     """
-    if isinstance(groups, pd.DataFrame) or not isinstance(groups, Mapping | pd.Series):
+    if not isinstance(groups, Mapping | pd.Series):
         raise TypeError(
             "groups must be a mapping from ID to group or a Series, such as one column of a table, "
             f"got {type(groups).__name__}"
