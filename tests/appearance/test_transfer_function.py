@@ -130,6 +130,34 @@ def test_a_little_metal_does_not_make_the_rest_transparent():
     assert TransferFunction.default_for(volume).opacity_at(1050) >= 0.25
 
 
+def test_a_labelled_object_lighter_than_the_foreground_is_seen_and_nothing_else_changes():
+    volume = scan(20, 1050, 15, np.uint16)
+    volume[2:8, 2:8, 2:8] = 90
+    labels = np.zeros(volume.shape, np.int64)
+    labels[10:30, 10:30, 10:30] = 2**40
+    plain = TransferFunction.default_for(volume)
+    assert plain.opacity_at(90) < 0.02
+    assert TransferFunction.default_for(volume, labels) == plain
+    labels[2:8, 2:8, 2:8] = 7
+    shown = TransferFunction.default_for(volume, labels)
+    assert shown.opacity_at(90) == pytest.approx(0.1)
+    assert shown.opacity_at(20 + 15) == 0.0
+    assert shown.points[-3:] == plain.points[-3:]
+
+
+def test_a_box_full_of_air_is_seen_by_its_wall():
+    volume = scan(20, 1050, 15, np.uint16)
+    labels = np.zeros(volume.shape, np.uint16)
+    labels[10:30, 10:30, 10:30] = 1
+    volume[11:29, 11:29, 11:29] = 20
+    assert TransferFunction.default_for(volume, labels) == TransferFunction.default_for(volume)
+
+
+def test_labels_of_another_shape_are_refused():
+    with pytest.raises(ValueError, match=r"shape \(40, 40, 40\), got \(40, 40, 20\)"):
+        TransferFunction.default_for(scan(20, 1050, 15, np.uint16), np.zeros((40, 40, 20), int))
+
+
 def test_a_speck_between_the_voxels_looked_at_is_contrast_too():
     # 110^3 voxels are thinned to every second one along each axis: the speck is not among them.
     volume = np.zeros((110, 110, 110), np.uint8)

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy import ndimage
 
 from napari_unpack.geometry.masks import unmasked
 
@@ -16,6 +18,16 @@ MOST_SAMPLES = 1_000_000
 
 # Of densities, in a volume that is not constant.
 SMALLEST_RANGE = 1e-300
+
+# Opacity per voxel that is hardly seen: through thirty voxels, half of the light passes.
+FAINT = 0.02
+
+# Opacity per voxel that a labelled object gets which would be faint: half in seven voxels.
+LIFTED = 0.1
+
+# Share of an object that has to be more than faint: the wall of a box full of air is less than a
+# tenth of it, and enough to see the box.
+SEEN_SHARE = 0.01
 
 
 def foreground_ramp(volume: ArrayLike) -> tuple[float, float, float, float, float]:
@@ -72,11 +84,38 @@ def foreground_ramp(volume: ArrayLike) -> tuple[float, float, float, float, floa
 
 
 def _samples(volume: NDArray[np.generic]) -> NDArray[np.float64]:
-    step = max(1, int(np.ceil((volume.size / MOST_SAMPLES) ** (1 / max(volume.ndim, 1)))))
-    thinned = volume[tuple(slice(None, None, step) for _ in range(volume.ndim))]
     # In order, which the medians and percentiles of them find in a third of the time.
-    values = np.sort(thinned, axis=None).astype(np.float64)
+    values = np.sort(_thinned(volume), axis=None).astype(np.float64)
     return values[np.isfinite(values)]
+
+
+def _thinned(volume: NDArray[Any]) -> NDArray[Any]:
+    step = max(1, int(np.ceil((volume.size / MOST_SAMPLES) ** (1 / max(volume.ndim, 1)))))
+    return volume[tuple(slice(None, None, step) for _ in range(volume.ndim))]
+
+
+def _faintest(
+    volume: NDArray[np.generic], labels: NDArray[np.integer], bound: float
+) -> float | None:
+    """Return the median density of the lightest object that has nothing denser than the bound.
+
+    None where there is no such object.
+    """
+    import pandas as pd
+
+    ids, densities = _thinned(labels).ravel(), _thinned(volume).ravel()
+    known = (ids > 0) & np.isfinite(densities)
+    ids, densities = ids[known], densities[known]
+    if not ids.size:
+        return None
+    row, found = pd.factorize(ids)
+    voxels = np.bincount(row)
+    faint = np.bincount(row[densities > bound], minlength=len(found)) < SEEN_SHARE * voxels
+    if not faint.any():
+        return None
+    chosen = faint[row]
+    medians = ndimage.median(densities[chosen], row[chosen], np.flatnonzero(faint))
+    return float(np.min(medians))
 
 
 def _extremes(volume: NDArray[np.generic]) -> NDArray[np.float64]:
@@ -172,20 +211,42 @@ class TransferFunction:
         return cls(points, _greys(points[1][0], points[-1][0]))
 
     @classmethod
-    def default_for(cls, volume: ArrayLike) -> TransferFunction:
+    def default_for(
+        cls, volume: ArrayLike, labels: NDArray[np.integer] | None = None
+    ) -> TransferFunction:
         """Return a transfer function that shows a scan well before anyone has touched it.
 
         Transparent up to the foreground, a soft ramp to surfaces that read as solid yet let what is
         behind them shine through, denser still towards the densest. NaN is ignored.
 
+        Parameters
+        ----------
+        volume : (Z, Y, X) array_like
+            Density.
+        labels : (Z, Y, X) ndarray of int, optional
+            Objects that should be seen: where one is lighter than the foreground throughout, the
+            ramp begins below it.
+
         Raises
         ------
         ValueError
-            If the volume is empty, constant or has no finite value.
+            If the volume is empty, constant or has no finite value, or the labels have another
+            shape.
         """
         lowest, foot, surface, body, highest = foreground_ramp(volume)
+        ramp = [(foot, 0.0), (surface, 0.2), (body, 0.4), (highest, 0.65)]
+        if labels is not None:
+            if np.shape(volume) != labels.shape:
+                raise ValueError(
+                    f"labels must have the volume's shape {np.shape(volume)}, got {labels.shape}"
+                )
+            bound = foot + FAINT / 0.2 * (surface - foot)
+            faintest = _faintest(np.asarray(volume), labels, bound)
+            if faintest is not None:
+                foot = min(foot, (lowest + faintest) / 2)
+                ramp[:1] = [(foot, 0.0), (faintest, LIFTED)]
         kept = [(lowest, 0.0)]
-        for density, opacity in ((foot, 0.0), (surface, 0.2), (body, 0.4), (highest, 0.65)):
+        for density, opacity in ramp:
             # A scan with few values may have two points at one density.
             if density > kept[-1][0]:
                 kept.append((density, opacity))

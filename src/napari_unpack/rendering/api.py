@@ -200,7 +200,7 @@ def render(
     view : View, optional
         The view; by default along +x, framing the volume.
     transfer_function : TransferFunctionLike, optional
-        By default `appearance.TransferFunction.default_for(volume)`.
+        By default `appearance.TransferFunction.default_for(volume, labels)`.
     tints : mapping of int to (r, g, b) or (r, g, b, a), optional
         By ID; 0 is matter without a label. What is not listed is white and opaque.
     hidden : iterable of int
@@ -237,7 +237,7 @@ def render(
     camera = checked_view(view).camera(given.array.shape, mm)
     scale, planes = step_scale(step, mm), checked_planes(clipping)
     around = Decorations.of((0, 0, 0, 0) if background is None else background, decorations)
-    look = _checked_look(transfer_function or default_for(volume, density))
+    look = _checked_look(transfer_function or default_for(volume, density, given.array))
     image, depth = cast_tinted(
         density, given.array, mm, camera, look,
         given.tints(tints, hidden), pixels,
@@ -305,7 +305,7 @@ def pick(
     camera = checked_view(view).camera(given.array.shape, mm)
     rays = rays_for(camera, pixels, mm, step_scale=step_scale(step, mm), window=(row, col, 1, 1))
     # The same function as `render` takes, or a click would pick what is not seen.
-    look = _checked_look(transfer_function or default_for(volume, density))
+    look = _checked_look(transfer_function or default_for(volume, density, given.array))
     shares = contributions(
         density, given.array, rays, mm, look.table(TABLE_ENTRIES), look.domain,
         given.tints(tints, hidden), clipping=checked_planes(clipping),
@@ -314,7 +314,9 @@ def pick(
 
 
 def default_for(
-    volume: ArrayLike, density: NDArray[np.uint16] | NDArray[np.float32]
+    volume: ArrayLike,
+    density: NDArray[np.uint16] | NDArray[np.float32],
+    labels: NDArray[np.uint16],
 ) -> TransferFunction:
     """Return the transfer function a volume gets when none is asked for.
 
@@ -323,12 +325,14 @@ def default_for(
     volume : (Z, Y, X) array_like
     density : (Z, Y, X) ndarray of uint16 or float32
         What kernels take of it.
+    labels : (Z, Y, X) ndarray of uint16
+        Of the objects that should be seen.
     """
     given, measured = unmasked(volume, np.nan), density
     # What stands in for NaN and infinities is no density of the scan.
     if given.dtype.kind == "f" and not (known := np.isfinite(given)).all():
         measured = given if given.dtype == np.float32 else np.where(known, density, np.nan)
-    return TransferFunction.default_for(measured)
+    return TransferFunction.default_for(measured, labels)
 
 
 def _checked_look(look: TransferFunctionLike) -> TransferFunctionLike:

@@ -34,16 +34,20 @@ SPRITE_MARGIN = 0.5
 MOST_PIXELS = 640
 
 
-def first_transfer_function(volume: NDArray[np.generic]) -> TransferFunction:
+def first_transfer_function(
+    volume: NDArray[np.generic], labels: NDArray[np.uint16] | None = None
+) -> TransferFunction:
     """Return what a session begins with: the default, or all opaque where there is one density.
 
     Parameters
     ----------
     volume : (Z, Y, X) ndarray
         Density, finite somewhere.
+    labels : (Z, Y, X) ndarray of uint16, optional
+        Of the objects that should be seen.
     """
     try:
-        return TransferFunction.default_for(volume)
+        return TransferFunction.default_for(volume, labels)
     except ValueError:
         # Labels that leave no background, as densities: nothing is to be told apart.
         most = float(np.finfo(np.float32).max)

@@ -108,7 +108,7 @@ class Session:
         data = LabelData(checked, boxes, facts, given_ids)
         # Good for no view in particular, until one is chosen by what touches in it.
         hues = {i: golden_hue(i) for i in data.ids}
-        state = SessionState(first_transfer_function(density), hues)
+        state = SessionState(first_transfer_function(density, checked), hues)
         view = View()
         view_state = ViewState(view, view.camera(checked.shape, mm))
         rules = UnpackingRules()

@@ -45,7 +45,9 @@ HUES = "hues"
 MODES: dict[str, Mode] = {"Even": "perceptual", "Colour-blind safe": "safe", "Vivid": "hsv"}
 
 
-def transfer_function(name: str, volume: ArrayLike) -> TransferFunction:
+def transfer_function(
+    name: str, volume: ArrayLike, labels: NDArray[np.uint16] | None = None
+) -> TransferFunction:
     """Make the transfer function of a name.
 
     Parameters
@@ -54,6 +56,8 @@ def transfer_function(name: str, volume: ArrayLike) -> TransferFunction:
         `AUTOMATIC`, or a key of `PRESETS`.
     volume : (Z, Y, X) array_like
         The automatic one is fitted to its densities.
+    labels : (Z, Y, X) ndarray of uint16, optional
+        Of the objects that the automatic one should show.
 
     Raises
     ------
@@ -64,7 +68,7 @@ def transfer_function(name: str, volume: ArrayLike) -> TransferFunction:
     from napari_unpack.session.colors import first_transfer_function
 
     if name == AUTOMATIC:
-        return first_transfer_function(np.asarray(volume))
+        return first_transfer_function(np.asarray(volume), labels)
     if name not in PRESETS:
         raise ValueError(f"no transfer function {name!r}: choose one of {', '.join(PRESETS)}")
     return TransferFunction.preset(PRESETS[name]).shifted(ct_offset(volume) or 0.0)
@@ -183,23 +187,25 @@ class ColorSection(Section):
         self._settings.set_tint_mode(MODES[self.mode.currentText()])
         self._settings.set_show_unlabelled(self.unlabelled.isChecked())
         # Named for what CT shows; of other volumes nobody knows which values are water.
-        volume = self._scan
+        volume, labels = self._scan
         names = [AUTOMATIC, *(PRESETS if ct_offset(volume) is not None else ())]
         self.preset.clear()
         self.preset.addItems([*names, CUSTOM])
         # The automatic one of a large volume takes a tenth of a second.
         # Of two that are alike the first stands.
-        task = Task(object(), lambda _: {transfer_function(n, volume): n for n in names[::-1]})
+        task = Task(
+            object(), lambda _: {transfer_function(n, volume, labels): n for n in names[::-1]}
+        )
         take = partial(self._take_named, controller.session)
         self._workspace.scheduler.submit(task, Worker.LONG, take, slot="named curves")
         self._show_curve()
 
     @property
-    def _scan(self) -> NDArray[Any]:
-        """The volume that curves are made for, inside an opened object too: it is shown alike."""
+    def _scan(self) -> tuple[NDArray[Any], NDArray[np.uint16]]:
+        """Volume and labels that curves are made for, inside an opened object too: shown alike."""
         document = self._workspace.document
         assert document is not None, "a session is shown"
-        return document.volume
+        return document.volume, document.labels
 
     def _take_named(self, session: Session, named: dict[TransferFunction, str]) -> None:
         if session is self._workspace.session:
@@ -245,7 +251,7 @@ class ColorSection(Section):
         if name == CUSTOM:
             self.curve.toggle.setChecked(True)
         else:
-            self._settings.set_transfer_function(lambda _: transfer_function(name, self._scan))
+            self._settings.set_transfer_function(lambda _: transfer_function(name, *self._scan))
 
     def _edit_points(self, points: list[Point]) -> None:
         self._points = points
