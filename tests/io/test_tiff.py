@@ -106,6 +106,29 @@ def test_a_folder_of_numbered_slices_is_a_volume(tmp_path: Path) -> None:
         load_volume(tmp_path)
 
 
+def test_what_the_names_of_slices_say_against_one_scan_is_told(tmp_path: Path) -> None:
+    def told(*names: str) -> list[str]:
+        folder = tmp_path / str(len([*tmp_path.iterdir()]))
+        folder.mkdir()
+        for name in names:
+            tifffile.imwrite(folder / name, STACK[0])
+        return [
+            note
+            for note in load_volume(folder).assumed
+            if "names such as" in note or "going" in note
+        ]
+
+    assert told("2024_s1.tif", "2024_s2.tif", "2024_s3.tif") == []
+    assert told("s10.tif", "s12.tif", "s14.tif", "s16.tif") == []
+    (gap,) = told("s08.tif", "s09.tif", "s10.tif", "s13.tif", "s14.tif", "s16.tif")
+    assert "3 slices are missing, the first after s10.tif" in gap
+    (scans,) = told("a1.tif", "a2.tif", "b1.tif", "b2.tif")
+    assert "names such as a1.tif and b1.tif are of 2 kinds" in scans
+    # By number within number nobody knows how many there should be.
+    assert told("s1.tif", "s01.tif") == []
+    assert told("r1_s1.tif", "r1_s2.tif", "r2_s1.tif", "r2_s5.tif") == []
+
+
 @pytest.mark.parametrize("place", [".", "series"])
 def test_slices_beside_or_above_dicom_are_no_volume(tmp_path: Path, place: str) -> None:
     for number in range(2):

@@ -62,6 +62,34 @@ def _kind(path: Path) -> tuple[tuple[int, ...], str] | None:
     return None
 
 
+def _doubts(paths: list[Path]) -> list[str]:
+    """Return what the names of slices, which are in order, say against their being one scan."""
+    kinds: dict[str, str] = {}
+    for path in paths:
+        kinds.setdefault(re.sub(r"[0-9]+", "0", path.name), path.name)
+    if len(kinds) > 1:
+        first, second = [*kinds.values()][:2]
+        return [
+            f"names such as {first} and {second} are of {len(kinds)} kinds: if these are several "
+            "scans, give each a folder"
+        ]
+    numbers = [[int(part) for part in re.findall(r"[0-9]+", path.name)] for path in paths]
+    varying = [column for column in zip(*numbers, strict=True) if len(set(column)) > 1]
+    if len(varying) != 1:
+        return []
+    steps = np.diff(varying[0])
+    # Every second slice alone has no gaps.
+    usual = int(np.median(steps))
+    wide = np.flatnonzero(steps > usual)
+    if not usual or not wide.size:
+        return []
+    missing = int((steps[wide] // usual - 1).sum())
+    return [
+        f"going by the names, {missing} slices are missing, the first after "
+        f"{paths[wide[0]].name}: what is beside a gap stands too close together"
+    ]
+
+
 def _by_numbers(path: Path) -> list[tuple[int, str]]:
     # 10 after 9, whether or not there are zeros before it.
     parts = re.findall(r"[0-9]+|[^0-9]+", path.name.lower())
@@ -103,7 +131,8 @@ def read_slices(folder: Path, large: bool = False) -> FileData:
             )
         planes.append(plane)
     order = f"its {len(paths)} slices are in the order of the numbers in their names"
-    return replace(first, volume=np.stack(planes), axes=SPACE, assumed=(order, *first.assumed))
+    assumed = (order, *_doubts(paths), *first.assumed)
+    return replace(first, volume=np.stack(planes), axes=SPACE, assumed=assumed)
 
 
 def _described(plane: NDArray[Any]) -> str:
