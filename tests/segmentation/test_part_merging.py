@@ -8,6 +8,7 @@ from napari_unpack.segmentation.learned.fragments import FragmentAffinities
 from napari_unpack.segmentation.learned.pair_classifier import (
     PairClassifier,
     agglomerate,
+    discrimination,
     measure_parts,
 )
 from napari_unpack.segmentation.learned.part_merging import (
@@ -120,6 +121,29 @@ def test_parts_that_touch_over_little_are_asked_about_and_a_corner_is_not(side, 
     owners = agglomerate(measure_parts(labels, lifted, (1.0, 1.0, 1.0)), answer)
     assert pairs == [(1, 2)] * asked
     assert (owners[1] == owners[2]) == asked
+
+
+def test_discrimination_is_what_truth_would_tell_of_calibrated_probabilities():
+    rng = np.random.default_rng(0)
+    for chances in (rng.beta(0.3, 0.9, 40_000), rng.beta(3, 9, 40_000)):
+        one = rng.random(len(chances)) < chances
+        wanted = chances[one].mean() - chances[~one].mean()
+        assert discrimination(chances) == pytest.approx(wanted, abs=0.02)
+    assert discrimination(np.repeat([0.0, 1.0], 20)) == 1.0
+    assert discrimination(np.full(40, 0.4)) == 0.0
+    # All surely apart: nothing says that it is wrong, nor does anything hang on it.
+    assert discrimination(np.zeros(40)) == 0.0
+    # Of too few nothing can be said.
+    assert discrimination(np.full(5, 0.4)) == 1.0
+
+
+@pytest.mark.parametrize(("least", "objects"), [(0.0, 1), (0.3, 64)])
+def test_nothing_is_merged_where_the_classifier_tells_no_pair_from_another(least, objects):
+    labels = np.arange(1, 65, dtype=np.int32).reshape(4, 4, 4).repeat(4, 0).repeat(4, 1)
+    labels = labels.repeat(4, 2)
+    measurements = measure_parts(labels, np.ones(labels.shape, np.float32), (1.0, 1.0, 1.0))
+    owners = agglomerate(measurements, lambda *_: 0.6, least_discrimination=least)
+    assert len(np.unique(owners[1:])) == objects
 
 
 def test_the_classifier_that_ships_knows_these_features():

@@ -5,9 +5,11 @@ from itertools import groupby
 import numpy as np
 import pytest
 from phantoms import box, packed, scanned, two_balls
+from scipy import ndimage
 
 from napari_unpack import tasks
 from napari_unpack.segmentation import score, segment
+from napari_unpack.segmentation.common.region import fewest_voxels
 
 
 def test_two_overlapping_balls_of_one_material_become_two_objects():
@@ -156,6 +158,57 @@ def test_sizes_that_mean_nothing_are_refused(few, wrong):
     (name,) = wrong
     with pytest.raises((ValueError, TypeError), match=f"{name} must be a .*, got"):
         segment(few[0], **wrong)
+
+
+def beads(shape: tuple[int, int, int], radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return labels and densities of beads that touch, piled up almost like cannon balls."""
+    rng, side = np.random.default_rng(1), 2 * radius
+    labels, densities = np.zeros(shape, np.int32), [20.0]
+    grid = np.indices(shape)
+    first, ends = radius + 3, np.array(shape) - radius - 2
+    for i, z in enumerate(np.arange(first, ends[0], 0.82 * side)):
+        for j, y in enumerate(np.arange(first + i % 2 * radius, ends[1], 0.87 * side)):
+            for x in np.arange(first + (i + j) % 2 * radius, ends[2], side):
+                center = np.array([z, y, x]) + rng.normal(0, 0.08 * radius, 3)
+                near = ((grid - center.reshape(3, 1, 1, 1)) ** 2).sum(0)
+                inside = near < (radius * rng.uniform(0.85, 1.0)) ** 2
+                labels[inside & (labels == 0)] = len(densities)
+                densities.append(1500.0 + rng.normal(0, 60))
+    return labels, np.array(densities)
+
+
+def jar(shape: tuple[int, int, int], radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return what a scanner makes of beads, and their labels."""
+    truth, densities = beads(shape, radius)
+    density = ndimage.gaussian_filter(densities[truth].astype(np.float32), 0.7)
+    density += np.random.default_rng(2).normal(0, 30, density.shape)
+    return np.clip(density, 0, None).astype(np.uint16), truth
+
+
+def test_beads_that_touch_are_found_one_by_one_though_no_bag_has_so_many_small_things():
+    volume, truth = jar((72, 72, 72), 6.5)
+    # Merging parts, as in a bag, left 0.6 of it.
+    assert score(truth, segment(volume).labels)["f1"] > 0.97
+
+
+def test_beads_below_the_size_of_the_least_object_of_a_bag_stay_apart_unless_it_is_asked_for():
+    # Of up to 460 voxels.
+    volume, truth = jar((56, 56, 56), 4.8)
+    by_default, asked = segment(volume), segment(volume, smallest=500.0)
+    assert len(by_default.objects) > 1.5 * len(asked.objects)
+    # The network sees little in so few voxels.
+    assert score(truth, by_default.labels)["f1"] > 2 * score(truth, asked.labels)["f1"]
+
+
+@pytest.mark.parametrize(("side", "fewest"), [(7, 100), (9, 500)])
+def test_a_size_that_much_of_the_matter_is_below_is_no_measure_of_it(side, fewest):
+    labels = np.zeros((40, 60, 60), np.int32)
+    labels[box(labels.shape, (2, 2, 2), (18, 18, 18))] = 1
+    for k in range(5):
+        labels[box(labels.shape, (25, 2, 2 + 11 * k), (25 + side, 2 + side, 2 + 11 * k + side))] = (
+            k + 2
+        )
+    assert fewest_voxels(labels, 500.0) == fewest
 
 
 def test_specks_are_dropped_and_ten_thousand_of_them_do_not_hang():

@@ -103,7 +103,8 @@ class SegmentOptions(Collapsible):
         automatic = f"{AUTOMATIC * volumes.per_mm3:.6g} {volumes.name}"
         self.smallest.setToolTip(
             "Smaller objects are joined to a neighbour, or left out if they have none. "
-            f"Automatic: {automatic}, or {AUTOMATIC} voxels in a small volume; 0 brings it back."
+            f"Automatic: {automatic}, or {AUTOMATIC} voxels in a small volume, and less where most "
+            "things are smaller; 0 brings it back."
         )
 
     def _keep_smallest(self, shown: float) -> None:

@@ -302,6 +302,30 @@ class PairClassifier:
 
 PairProbability = Callable[[int, int, NDArray[np.float64]], float]
 
+FEW_PAIRS = 30
+"""Fewer say nothing about how well a classifier tells pairs apart."""
+
+
+def discrimination(chances: NDArray[np.float64]) -> float:
+    """Return how well probabilities claim to tell pairs apart: 1 surely, 0 not at all.
+
+    Parameters
+    ----------
+    chances : (N,) ndarray of float64
+        Probabilities that pairs are one object.
+
+    Notes
+    -----
+    Tjur 2009, "Coefficients of determination in logistic regression models": the mean probability
+    of pairs that are one object, less that of the others. It needs no truth where probabilities
+    are calibrated, for which it is their variance over that of the truth, m (1 - m) for mean m.
+    """
+    if len(chances) < FEW_PAIRS:
+        return 1.0
+    mean = float(chances.mean())
+    return float(chances.var()) / max(mean * (1 - mean), np.finfo(np.float64).tiny)
+
+
 TOUCHING = 0.003
 """Share of the smaller surface from which two parts touch, and are classified.
 
@@ -316,6 +340,7 @@ def agglomerate(
     least: float = 0.5,
     log: JoinLog | None = None,
     share: Share = SILENT,
+    least_discrimination: float = 0.0,
 ) -> NDArray[np.int64]:
     """Merge touching parts while any two are more likely one object; return (M,) owners.
 
@@ -330,6 +355,8 @@ def agglomerate(
     log : JoinLog, optional
         Where merges are noted, and what was not merged.
     share : Share
+    least_discrimination : float
+        Nothing is merged where the classifier tells the pairs of these parts less well apart.
     """
     # Best first with a heap: a merge classifies only the merged part's neighbours anew. About a
     # millisecond a pair, most of it in convex hulls. Ties are broken by label.
@@ -338,19 +365,21 @@ def agglomerate(
     version = np.zeros(count, np.int64)
     heap: list[tuple[float, int, int, int, int]] = []
 
-    def consider(one: int, two: int) -> None:
+    def consider(one: int, two: int) -> float:
         one, two = min(one, two), max(one, two)
         chance = classifier(one, two, pair_features(parts, one, two))
         if chance >= least:
             heapq.heappush(heap, (-chance, one, two, int(version[one]), int(version[two])))
         elif log is not None:
             log.apart[one, two] = chance
+        return chance
 
     surface = np.array([parts.surface(k) for k in range(count)])
     pairs, areas = parts.contacts.pairs(AREA)
     near = areas > TOUCHING * surface[pairs].min(axis=1)
-    for one, two in share.part(0.0, 0.5).over(pairs[near].tolist()):
-        consider(one, two)
+    chances = [consider(*pair) for pair in share.part(0.0, 0.5).over(pairs[near].tolist())]
+    if least_discrimination > 0 and discrimination(np.array(chances)) < least_discrimination:
+        return owner
     merged = 0
     while heap:
         lacking, one, two, first, second = heapq.heappop(heap)
