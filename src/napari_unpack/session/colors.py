@@ -110,10 +110,8 @@ class HuesKey:
         Of the hues to keep where they still separate; None starts afresh.
     margin : float
         Fraction of every hue arc left empty.
-    locked : frozenset of int
-        Objects whose hue stays.
-    own : frozenset of (int, float)
-        ID and nearest hue of the objects that a person gave a colour.
+    fixed : frozenset of (int, float)
+        ID and hue of what keeps it: locked, or the nearest of the colour that a person gave.
     beside : tuple of (int, int)
         Objects outside the bag that stand beside each other.
     standing : Identity, optional
@@ -123,8 +121,7 @@ class HuesKey:
     visibility: VisibilityKey
     previous: Identity | None
     margin: float
-    locked: frozenset[int]
-    own: frozenset[tuple[int, float]] = frozenset()
+    fixed: frozenset[tuple[int, float]]
     beside: tuple[tuple[int, int], ...] = ()
     standing: Identity | None = None
 
@@ -161,14 +158,11 @@ def chosen_hues(
     hues : mapping of int to float
         As they are, of all objects.
     """
-    own = dict(key.own)
-    locked = key.locked | own.keys()
-    # What has its own colour stays as it is, and its neighbours give way to it.
-    known = {**(previous or {}), **own} if own else previous
-    packed = spread_hues(graph, known, key.margin, locked)
+    fixed = dict(key.fixed)
+    packed = spread_hues(graph, {**(previous or {}), **fixed}, key.margin, fixed)
     beside = nx.Graph(sorted(key.beside))
     # As few change as can be, and those as little.
-    return packed | spread_hues(beside, {**hues, **own}, SPRITE_MARGIN, locked)
+    return packed | spread_hues(beside, {**hues, **fixed}, SPRITE_MARGIN, fixed)
 
 
 def find_interference(

@@ -594,17 +594,17 @@ class Queries:
 
     # How it looks.
 
-    def hues(self, keep: bool = True) -> dict[int, float]:
+    def hues(self) -> dict[int, float]:
         """Return hues that keep the packed neighbours of this view apart; see `recolor`."""
-        if (task := self.hues_task(keep)) is None:
-            return self._cache.find(self._hues_key(keep))  # type: ignore[no-any-return]
+        if (task := self.hues_task()) is None:
+            return self._cache.find(self._hues_key())  # type: ignore[no-any-return]
         found = task.run(no_progress)
         self._cache.keep(task.key, found)
         return found
 
-    def hues_task(self, keep: bool = True) -> Task[dict[int, float]] | None:
+    def hues_task(self) -> Task[dict[int, float]] | None:
         """Return the task that chooses hues for this view; None where they are known."""
-        key, session = self._hues_key(keep), self._session
+        key, session = self._hues_key(), self._session
         if self._cache.find(key) is not None:
             return None
         view, visible = session.view_state, session.label_data.visible(key.visibility.packed)
@@ -624,7 +624,7 @@ class Queries:
 
         return Task(key, run)
 
-    def _hues_key(self, keep: bool) -> HuesKey:
+    def _hues_key(self) -> HuesKey:
         session = self._session
         state, view, data = session.state, session.view_state, session.label_data
         # What flies has left the bag's picture, and keeps its hue.
@@ -633,13 +633,15 @@ class Queries:
             data.revision, view.camera, view.canvas_size, shown, view.clipping.tobytes()
         )
         # Before hues were chosen for any view there is nothing worth keeping.
-        previous = Identity(state.hues) if keep and view.recolored else None
-        own = frozenset((i, nearest_hue(c, view.tint_mode)) for i, c in state.colors.items())
+        previous = Identity(state.hues) if view.recolored else None
+        # What is locked or has its own colour stays as it is, and its neighbours give way to it.
+        fixed = {i: hue for i, hue in state.hues.items() if i in view.locked_hues}
+        fixed |= {i: nearest_hue(c, view.tint_mode) for i, c in state.colors.items()}
         seen = {i: at for i, at in state.placements.items() if i not in state.hidden}
         beside = colors.pairs_beside(seen, self.slots())
         standing = Identity(state.hues) if beside else None
-        locked = view.locked_hues
-        return HuesKey(visibility, previous, view.hue_margin, locked, own, beside, standing)
+        held = frozenset(fixed.items())
+        return HuesKey(visibility, previous, view.hue_margin, held, beside, standing)
 
     def states(self) -> dict[int, ObjectState]:
         """Return where every object is, by ID; treat as read-only."""
