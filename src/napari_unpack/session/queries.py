@@ -226,7 +226,7 @@ class Queries:
         session = self._session
         lower, upper, pitch = session.bag.lower, session.bag.upper, float(session.spacing.min())
         rays, data, backend = session.ray_queries, session.label_data, session.backend
-        return OcclusionInputs(rays, data, lower, upper, pitch, session.view_state.camera, backend)
+        return OcclusionInputs(rays, data, lower, upper, pitch, backend)
 
     def next_unpackable_task(
         self,
@@ -530,7 +530,7 @@ class Queries:
 
     def _survey_counts(self, key: SurveyKey) -> Callable[[Vector], OcclusionCounts]:
         session = self._session
-        lower, upper, camera = session.bag.lower, session.bag.upper, session.view_state.camera
+        lower, upper = session.bag.lower, session.bag.upper
         # The diagonal is the longest side that a picture along any direction can have.
         coarsest = float(np.linalg.norm(upper - lower)) / MOST_SURVEY_RAYS
         pitch = max(float(session.spacing.min()), coarsest)
@@ -538,7 +538,7 @@ class Queries:
         backend = session.backend
 
         def counts(direction: Vector) -> OcclusionCounts:
-            looking, size = view_along(direction, lower, upper, pitch, camera)
+            looking, size = view_along(direction, lower, upper, pitch)
             return rays.occlusion_counts(looking, visible, size, backend)
 
         return counts
