@@ -140,26 +140,20 @@ def pairs_beside(placements: Mapping[int, Placement], slots: Slots) -> tuple[tup
     return tuple((ids[a], ids[b]) for a, b in np.argwhere(np.triu(near, 1)))
 
 
-def chosen_hues(
-    graph: nx.Graph,
-    previous: Mapping[int, float] | None,
-    key: HuesKey,
-    hues: Mapping[int, float],
-) -> dict[int, float]:
+def chosen_hues(graph: nx.Graph, key: HuesKey, hues: Mapping[int, float]) -> dict[int, float]:
     """Return hues that keep neighbours apart, from own colours too; runs on any thread.
 
     Parameters
     ----------
     graph : networkx.Graph
         From `find_interference`.
-    previous : mapping of int to float, optional
-        As for `spread_hues`.
     key : HuesKey
     hues : mapping of int to float
         As they are, of all objects.
     """
     fixed = dict(key.fixed)
-    packed = spread_hues(graph, {**(previous or {}), **fixed}, key.margin, fixed)
+    known = fixed if key.previous is None else {**hues, **fixed}
+    packed = spread_hues(graph, known, key.margin, fixed)
     beside = nx.Graph(sorted(key.beside))
     # As few change as can be, and those as little.
     return packed | spread_hues(beside, {**hues, **fixed}, SPRITE_MARGIN, fixed)

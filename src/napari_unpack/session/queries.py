@@ -530,12 +530,11 @@ class Queries:
 
     def _survey_counts(self, key: SurveyKey) -> Callable[[Vector], OcclusionCounts]:
         session = self._session
-        lower, upper = session.bag.lower, session.bag.upper
+        lower, upper, backend = session.bag.lower, session.bag.upper, session.backend
         # The diagonal is the longest side that a picture along any direction can have.
         coarsest = float(np.linalg.norm(upper - lower)) / MOST_SURVEY_RAYS
         pitch = max(float(session.spacing.min()), coarsest)
         visible, rays = session.label_data.visible(key.packed), session.ray_queries
-        backend = session.backend
 
         def counts(direction: Vector) -> OcclusionCounts:
             looking, size = view_along(direction, lower, upper, pitch)
@@ -610,7 +609,6 @@ class Queries:
         view, visible = session.view_state, session.label_data.visible(key.visibility.packed)
         rays, backend, cache = session.ray_queries, session.backend, self._cache
         hues = session.state.hues
-        previous = hues if key.previous is not None else None
 
         def run(_: Progress) -> dict[int, float]:
             # Another margin, or a hue locked, needs no new rays.
@@ -620,7 +618,7 @@ class Queries:
                     key.visibility, rays, visible, view.clipping, backend
                 )
                 cache.keep(key.visibility, graph)
-            return colors.chosen_hues(graph, previous, key, hues)
+            return colors.chosen_hues(graph, key, hues)
 
         return Task(key, run)
 
@@ -637,10 +635,10 @@ class Queries:
         # What is locked or has its own colour stays as it is, and its neighbours give way to it.
         fixed = {i: hue for i, hue in state.hues.items() if i in view.locked_hues}
         fixed |= {i: nearest_hue(c, view.tint_mode) for i, c in state.colors.items()}
+        held = frozenset(fixed.items())
         seen = {i: at for i, at in state.placements.items() if i not in state.hidden}
         beside = colors.pairs_beside(seen, self.slots())
         standing = Identity(state.hues) if beside else None
-        held = frozenset(fixed.items())
         return HuesKey(visibility, previous, view.hue_margin, held, beside, standing)
 
     def states(self) -> dict[int, ObjectState]:
