@@ -136,7 +136,7 @@ class Queries:
             case RevealKey():
                 return key.near.equals(self._occlusion_key())
             case HuesKey():
-                return key in (self._hues_key(True), self._hues_key(False))
+                return key == self._hues_key()
             case LabelsKey():
                 return key.fits(self._session.label_data)
         return False
