@@ -139,7 +139,7 @@ def test_every_shader_opens_with_a_comment_naming_its_twin_and_test() -> None:
     assert silent == []
 
 
-HISTORY = ("docs/decisions/", "docs/profiles.md", "tests/retired.py", "tools/recorded/")
+HISTORY = ("docs/decisions/", "docs/profiles.md", "tests/retired.py")
 
 
 def _without_keys(path: Path) -> str:

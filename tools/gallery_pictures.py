@@ -42,7 +42,7 @@ def draw(session: Any, name: str, gallery: Path, bag_is_ct: bool = True) -> Iter
     bag_is_ct : bool
         Whether its densities are CT numbers + 1000, which the presets are made for.
     """
-    session.recolor(keep=False)
+    session.recolor()
     panels: dict[str, list[tuple[str, Callable[[], ImageTexture]]]] = {
         "hues": [
             ("untinted", lambda: _tinted(session, _white(session))),
@@ -185,13 +185,13 @@ def _from_three_sides(session: Any) -> NDArray[np.uint8]:
         ("from the side", (0.0, 0.0, 1.0), None),
     ):
         _frame(session, View(direction, up=up))
-        session.recolor(keep=False)
+        session.recolor()
         whole = _tinted(session, session.packed_tints())
         shares = ((0.1, "the densest 10%"), (0.025, "the densest 2.5%"))
         denser = [captioned(_densest(session, share), text) for share, text in shares]
         columns.append(np.vstack([captioned(whole, words), *denser]))
     session.look(before)
-    session.recolor(keep=False)
+    session.recolor()
     return np.hstack(columns)
 
 

@@ -1,10 +1,12 @@
 import re
+import tracemalloc
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from napari_unpack.segmentation import score, score_by, score_objects
+from napari_unpack.segmentation.evaluation import Overlaps
 
 
 def line(*labels):
@@ -197,6 +199,29 @@ def test_sixty_thousand_objects_of_any_id_need_no_table_of_all_pairs():
     # Three of four voxels stay, of five in all: the first object has lost nothing to air's side.
     assert result["mean_iou"] == pytest.approx(0.6, abs=1e-3)
     assert len(score_objects(truth, found)) == 59_999
+
+
+@pytest.mark.parametrize("factor", [1, 10**12])
+def test_planes_counted_one_by_one_give_what_all_at_once_do(monkeypatch, factor):
+    rng = np.random.default_rng(0)
+    truth, found = rng.integers(0, 6, (2, 7, 8, 9)) * factor
+    # Some labels are in some planes alone, and background is not in all.
+    truth[3], found[:5][found[:5] == 2 * factor] = 5 * factor, factor
+    whole, scores = Overlaps.of(truth, found), score(truth, found)
+    monkeypatch.setattr("napari_unpack.segmentation.evaluation.AT_ONCE", 2 * 8 * 9)
+    parts = Overlaps.of(truth, found)
+    for name in ("true_ids", "found_ids", "rows", "columns", "voxels"):
+        np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name))
+    assert score(truth, found) == scores
+
+
+def test_a_score_takes_little_memory_beside_the_labels():
+    labels = np.repeat(np.arange(128, dtype=np.uint16), 128 * 128).reshape(128, 128, 128)
+    tracemalloc.start()
+    score(labels, labels)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 16 * labels.size
 
 
 def test_large_ids_without_a_sign_are_told_apart():

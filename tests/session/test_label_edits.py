@@ -304,6 +304,20 @@ def test_ids_above_65535_keep_the_names_people_know() -> None:
     assert_consistent(s)
 
 
+def test_painting_a_new_id_where_there_is_no_room_is_refused(monkeypatch) -> None:
+    volume, labels = dumbbell()
+    s = Session(volume, labels.astype(np.int64) * 100_000)
+    monkeypatch.setattr("napari_unpack.session.label_edits.MOST_ID", max(s.ids))
+    s.delete(2)
+    painted = np.array([0, 100_000, 0, 300_000])[s.labels]
+    painted[0, 0, :5] = 999_999
+    with pytest.raises(ValueError, match="no room for a new object 999999"):
+        s.label_editor.paint_task(painted).run(no_progress)
+    painted[0, 0, :5] = 200_000
+    s.label_editor.apply(s.label_editor.paint_task(painted).run(no_progress))
+    assert set(s.labels[0, 0, :5]) == {2}
+
+
 def test_new_objects_beside_the_largest_id_there_can_be_take_ids_that_were_never_given() -> None:
     volume, labels = dumbbell()
     s = Session(volume, np.array([0, 2, 2**63 - 1, 3])[labels])

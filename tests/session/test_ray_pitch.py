@@ -45,3 +45,14 @@ def test_bars_of_one_voxel_beside_each_other_are_all_seen_under_a_plate(
                 labels = np.ascontiguousarray(np.moveaxis(side, 0, axis))
                 found = asked(labels, (pitch,) * 3, direction).queries.occlusion()
                 assert found.unpackable == {100}, (pitch, n)
+
+
+def test_who_can_leave_does_not_hang_on_how_the_view_is_rolled() -> None:
+    rng = np.random.default_rng(0)
+    labels = rng.integers(1, 9, (6, 6, 6)).repeat(4, 0).repeat(4, 1).repeat(4, 2)
+    found = []
+    for up in ((0.0, -1.0, 0.0), (1.0, -0.6, 0.0)):
+        session = asked(labels.astype(np.uint16), (1.0, 1.0, 1.0), "view")
+        session.view = nu.View((0.5, 0.3, -0.8), up=up)
+        found.append(session.queries.occlusion().first_hit)
+    assert found[0] == found[1]

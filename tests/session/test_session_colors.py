@@ -86,11 +86,10 @@ def test_recolouring_asks_for_what_is_packed_only_and_leaves_other_hues_alone():
     assert (session.hues[1], session.hues[2]) == (before[1], before[2])
 
 
-def test_recolouring_again_keeps_what_separates_and_afresh_does_not_care():
+def test_recolouring_again_keeps_what_separates():
     session = session_of(side_by_side())
     session.apply_hues({1: 0.11, 2: 0.52, 3: 0.93})
     assert session.recolor() == {1: 0.11, 2: 0.52, 3: 0.93}
-    assert session.recolor(keep=False) != {1: 0.11, 2: 0.52, 3: 0.93}
 
 
 def test_a_locked_hue_survives_recolouring():
@@ -99,6 +98,15 @@ def test_a_locked_hue_survives_recolouring():
     session.locked_hues = frozenset({2})
     assert session.recolor()[2] == 0.5
     assert session.hues[1] != 0.5
+
+
+def test_a_hue_that_was_locked_before_any_recolouring_survives_the_first():
+    session = session_of(side_by_side())
+    before = session.hues
+    session.locked_hues = [1, 2]
+    hues = session.recolor()
+    assert {i: hues[i] for i in (1, 2)} == {i: before[i] for i in (1, 2)}
+    assert hue_distance(hues[2], hues[3]) >= 0.2 - 1e-9
 
 
 def test_hide_show_and_isolate():

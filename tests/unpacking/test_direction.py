@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import importlib
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from napari_unpack.geometry.view import View
 from napari_unpack.unpacking import (
     bag_up,
     broad_side,
+    hull_vertices,
     image_extent,
     named,
     oriented_box,
@@ -159,6 +161,15 @@ def test_few_faces_are_looked_at_closely_however_round_a_thing_is(monkeypatch):
     oriented_box(points, (1.0, 1.0, 1.0))
     assert len(closely) <= 20
     assert max(closely) < 1500
+
+
+def test_the_corners_of_many_points_take_little_memory():
+    points = np.random.default_rng(0).normal(size=(50_000, 3))
+    tracemalloc.start()
+    hull_vertices(points)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 300 * len(points)
 
 
 @pytest.mark.parametrize("voxels", [(1, 1, 1), (1, 1, 6), (1, 2, 1), (1, 5, 9), (4, 1, 1)])

@@ -274,11 +274,14 @@ def spread_hues(
     the objects changes, instead of a sixth.
     """
     classes = color_classes(graph)
-    known = _in_circle(graph, previous or {})
-    start, arc = known or arc_hues(graph, classes, margin), 1.0 / max(len(classes), 1)
+    start, arc = _in_circle(graph, previous or {}), 1.0 / max(len(classes), 1)
+    held = start.keys() & set(locked)
+    if len(held) == len(start):
+        # Of the others nothing is known yet.
+        start = arc_hues(graph, classes, margin) | start
     least = margin * arc
     for separation in np.linspace(max(min(arc, AMPLE), least), least, TRIES):
-        found = keep_hues(graph, start, float(separation), locked)
+        found = keep_hues(graph, start, float(separation), held)
         if found is not None:
             return found
     return assign_hues(graph, previous, margin, locked=locked)

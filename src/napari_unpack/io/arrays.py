@@ -36,9 +36,8 @@ def read_npz(path: Path, large: bool = False) -> FileData:
 
     Parameters
     ----------
-    path : Path
-    large : bool
-        As for `check_size`.
+    path, large
+        As for `load_volume`.
 
     Raises
     ------
@@ -158,9 +157,8 @@ def read_npy(path: Path, large: bool = False) -> FileData:
 
     Parameters
     ----------
-    path : Path
-    large : bool
-        As for `check_size`.
+    path, large
+        As for `load_volume`.
 
     Raises
     ------

@@ -137,9 +137,8 @@ def read_dicom(path: Path, large: bool = False) -> FileData:
 
     Parameters
     ----------
-    path : Path
-    large : bool
-        As for `check_size`.
+    path, large
+        As for `load_volume`.
 
     Raises
     ------

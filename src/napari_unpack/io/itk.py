@@ -44,9 +44,8 @@ def read_itk(path: Path, large: bool = False) -> FileData:
 
     Parameters
     ----------
-    path : Path
-    large : bool
-        As for `check_size`.
+    path, large
+        As for `load_volume`.
 
     Raises
     ------

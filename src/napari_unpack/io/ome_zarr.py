@@ -53,16 +53,13 @@ def read_zarr(path: Path, large: bool = False) -> FileData:
 
     Parameters
     ----------
-    path : Path
-    large : bool
-        As for `check_size`.
+    path, large
+        As for `load_volume`.
 
     Raises
     ------
-    ValueError
-        If it is not a Zarr image.
-    ImportError
-        If zarr is missing.
+    ValueError, ImportError
+        As for `load_volume`.
     """
     node, said = _image(path)
     if not hasattr(node, "keys"):

@@ -36,16 +36,13 @@ def read_tiff(path: Path, large: bool = False) -> FileData:
 
     Parameters
     ----------
-    path : Path
-    large : bool
-        As for `check_size`.
+    path, large
+        As for `load_volume`.
 
     Raises
     ------
-    ValueError
-        If the file is broken or holds no image.
-    ImportError
-        If the codec of a compressed file is missing.
+    ValueError, ImportError
+        As for `load_volume`.
     """
     import tifffile
 

@@ -110,10 +110,8 @@ class HuesKey:
         Of the hues to keep where they still separate; None starts afresh.
     margin : float
         Fraction of every hue arc left empty.
-    locked : frozenset of int
-        Objects whose hue stays.
-    own : frozenset of (int, float)
-        ID and nearest hue of the objects that a person gave a colour.
+    fixed : frozenset of (int, float)
+        ID and hue of what keeps it: locked, or the nearest of the colour that a person gave.
     beside : tuple of (int, int)
         Objects outside the bag that stand beside each other.
     standing : Identity, optional
@@ -123,8 +121,7 @@ class HuesKey:
     visibility: VisibilityKey
     previous: Identity | None
     margin: float
-    locked: frozenset[int]
-    own: frozenset[tuple[int, float]] = frozenset()
+    fixed: frozenset[tuple[int, float]]
     beside: tuple[tuple[int, int], ...] = ()
     standing: Identity | None = None
 
@@ -143,32 +140,23 @@ def pairs_beside(placements: Mapping[int, Placement], slots: Slots) -> tuple[tup
     return tuple((ids[a], ids[b]) for a, b in np.argwhere(np.triu(near, 1)))
 
 
-def chosen_hues(
-    graph: nx.Graph,
-    previous: Mapping[int, float] | None,
-    key: HuesKey,
-    hues: Mapping[int, float],
-) -> dict[int, float]:
+def chosen_hues(graph: nx.Graph, key: HuesKey, hues: Mapping[int, float]) -> dict[int, float]:
     """Return hues that keep neighbours apart, from own colours too; runs on any thread.
 
     Parameters
     ----------
     graph : networkx.Graph
         From `find_interference`.
-    previous : mapping of int to float, optional
-        As for `spread_hues`.
     key : HuesKey
     hues : mapping of int to float
         As they are, of all objects.
     """
-    own = dict(key.own)
-    locked = key.locked | own.keys()
-    # What has its own colour stays as it is, and its neighbours give way to it.
-    known = {**(previous or {}), **own} if own else previous
-    packed = spread_hues(graph, known, key.margin, locked)
+    fixed = dict(key.fixed)
+    known = fixed if key.previous is None else {**hues, **fixed}
+    packed = spread_hues(graph, known, key.margin, fixed)
     beside = nx.Graph(sorted(key.beside))
     # As few change as can be, and those as little.
-    return packed | spread_hues(beside, {**hues, **own}, SPRITE_MARGIN, locked)
+    return packed | spread_hues(beside, {**hues, **fixed}, SPRITE_MARGIN, fixed)
 
 
 def find_interference(

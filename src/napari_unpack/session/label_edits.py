@@ -481,6 +481,12 @@ def _own_ids(
     order = np.argsort(given_ids[1:]) + 1
     given = given_ids[order]
     fresh = np.setdiff1d(painted, np.append(given, 0))
+    # IDs that objects had are not used again: undo may bring these back.
+    if len(given_ids) + len(fresh) > MOST_ID + 1:
+        raise ValueError(
+            f"there is no room for a new object {fresh[0]}: {MOST_ID} objects are or were there "
+            "already; paint with the ID of one of them"
+        )
     known = np.concatenate([[0], given, fresh])
     own = np.concatenate([[0], order, np.arange(len(fresh)) + len(given_ids)])
     # Binary search wants them in order; new IDs stand at the end until here.

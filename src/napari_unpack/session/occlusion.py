@@ -236,8 +236,6 @@ class OcclusionInputs:
         Corners of the bag, mm z y x.
     pitch : float
         Between rays, mm.
-    user : Camera
-        See `view_along`.
     backend : {"auto", "cpu", "gl"}
     """
 
@@ -246,7 +244,6 @@ class OcclusionInputs:
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
     pitch: float
-    user: Camera
     backend: str
 
     def task(
@@ -270,9 +267,8 @@ class OcclusionInputs:
         def run(_: Progress) -> OcclusionResult:
             found = known
             if found is None:
-                camera, size = view_along(
-                    np.array(own.direction), self.lower, self.upper, self.pitch, self.user
-                )
+                direction = np.array(own.direction)
+                camera, size = view_along(direction, self.lower, self.upper, self.pitch)
                 found = find_occlusion(own, self.rays, camera, size, visible, self.backend)
             if found.is_swept(wanted, key.packed):
                 return found
@@ -488,11 +484,7 @@ def in_turn(
 
 
 def view_along(
-    direction: Vector,
-    lower: NDArray[np.float64],
-    upper: NDArray[np.float64],
-    pitch: float,
-    camera: Camera,
+    direction: Vector, lower: NDArray[np.float64], upper: NDArray[np.float64], pitch: float
 ) -> tuple[Camera, Size]:
     """Return the orthographic camera and size of the picture that decides what can leave along D.
 
@@ -504,8 +496,6 @@ def view_along(
         The bag's box, world mm.
     pitch : float
         Distance of rays, mm: the voxel pitch, so that nothing thin slips between them.
-    camera : Camera
-        The user's, whose up is kept where D is towards the viewer.
 
     Returns
     -------
@@ -519,10 +509,9 @@ def view_along(
     Across an axis whose voxels are one pitch long, rays go through the voxels' middles: on
     their faces rounding would pass over one row and look at its neighbour twice.
     """
-    # Looking as the user looks, rays lie as pixels do; else no up is better than another.
-    same = float(direction @ -camera.direction) > 1 - 1e-12
+    # Whichever way is up for the user: who can leave is a matter of D alone.
     center = (lower + upper) / 2
-    looking = Camera.looking(-direction, camera.up if same else None, center, 1.0)
+    looking = Camera.looking(-direction, None, center, 1.0)
     flat = (box_corners(lower, upper) - center) @ looking.rotation[1:].T
     extent = np.ptp(flat, axis=0)
     pitch = max(pitch, float(extent.max()) / MOST_RAYS)

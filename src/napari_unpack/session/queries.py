@@ -136,7 +136,7 @@ class Queries:
             case RevealKey():
                 return key.near.equals(self._occlusion_key())
             case HuesKey():
-                return key in (self._hues_key(True), self._hues_key(False))
+                return key == self._hues_key()
             case LabelsKey():
                 return key.fits(self._session.label_data)
         return False
@@ -226,7 +226,7 @@ class Queries:
         session = self._session
         lower, upper, pitch = session.bag.lower, session.bag.upper, float(session.spacing.min())
         rays, data, backend = session.ray_queries, session.label_data, session.backend
-        return OcclusionInputs(rays, data, lower, upper, pitch, session.view_state.camera, backend)
+        return OcclusionInputs(rays, data, lower, upper, pitch, backend)
 
     def next_unpackable_task(
         self,
@@ -530,15 +530,14 @@ class Queries:
 
     def _survey_counts(self, key: SurveyKey) -> Callable[[Vector], OcclusionCounts]:
         session = self._session
-        lower, upper, camera = session.bag.lower, session.bag.upper, session.view_state.camera
+        lower, upper, backend = session.bag.lower, session.bag.upper, session.backend
         # The diagonal is the longest side that a picture along any direction can have.
         coarsest = float(np.linalg.norm(upper - lower)) / MOST_SURVEY_RAYS
         pitch = max(float(session.spacing.min()), coarsest)
         visible, rays = session.label_data.visible(key.packed), session.ray_queries
-        backend = session.backend
 
         def counts(direction: Vector) -> OcclusionCounts:
-            looking, size = view_along(direction, lower, upper, pitch, camera)
+            looking, size = view_along(direction, lower, upper, pitch)
             return rays.occlusion_counts(looking, visible, size, backend)
 
         return counts
@@ -594,23 +593,22 @@ class Queries:
 
     # How it looks.
 
-    def hues(self, keep: bool = True) -> dict[int, float]:
+    def hues(self) -> dict[int, float]:
         """Return hues that keep the packed neighbours of this view apart; see `recolor`."""
-        if (task := self.hues_task(keep)) is None:
-            return self._cache.find(self._hues_key(keep))  # type: ignore[no-any-return]
+        if (task := self.hues_task()) is None:
+            return self._cache.find(self._hues_key())  # type: ignore[no-any-return]
         found = task.run(no_progress)
         self._cache.keep(task.key, found)
         return found
 
-    def hues_task(self, keep: bool = True) -> Task[dict[int, float]] | None:
+    def hues_task(self) -> Task[dict[int, float]] | None:
         """Return the task that chooses hues for this view; None where they are known."""
-        key, session = self._hues_key(keep), self._session
+        key, session = self._hues_key(), self._session
         if self._cache.find(key) is not None:
             return None
         view, visible = session.view_state, session.label_data.visible(key.visibility.packed)
         rays, backend, cache = session.ray_queries, session.backend, self._cache
         hues = session.state.hues
-        previous = hues if key.previous is not None else None
 
         def run(_: Progress) -> dict[int, float]:
             # Another margin, or a hue locked, needs no new rays.
@@ -620,11 +618,11 @@ class Queries:
                     key.visibility, rays, visible, view.clipping, backend
                 )
                 cache.keep(key.visibility, graph)
-            return colors.chosen_hues(graph, previous, key, hues)
+            return colors.chosen_hues(graph, key, hues)
 
         return Task(key, run)
 
-    def _hues_key(self, keep: bool) -> HuesKey:
+    def _hues_key(self) -> HuesKey:
         session = self._session
         state, view, data = session.state, session.view_state, session.label_data
         # What flies has left the bag's picture, and keeps its hue.
@@ -633,13 +631,15 @@ class Queries:
             data.revision, view.camera, view.canvas_size, shown, view.clipping.tobytes()
         )
         # Before hues were chosen for any view there is nothing worth keeping.
-        previous = Identity(state.hues) if keep and view.recolored else None
-        own = frozenset((i, nearest_hue(c, view.tint_mode)) for i, c in state.colors.items())
+        previous = Identity(state.hues) if view.recolored else None
+        # What is locked or has its own colour stays as it is, and its neighbours give way to it.
+        fixed = {i: hue for i, hue in state.hues.items() if i in view.locked_hues}
+        fixed |= {i: nearest_hue(c, view.tint_mode) for i, c in state.colors.items()}
+        held = frozenset(fixed.items())
         seen = {i: at for i, at in state.placements.items() if i not in state.hidden}
         beside = colors.pairs_beside(seen, self.slots())
         standing = Identity(state.hues) if beside else None
-        locked = view.locked_hues
-        return HuesKey(visibility, previous, view.hue_margin, locked, own, beside, standing)
+        return HuesKey(visibility, previous, view.hue_margin, held, beside, standing)
 
     def states(self) -> dict[int, ObjectState]:
         """Return where every object is, by ID; treat as read-only."""

@@ -347,17 +347,13 @@ class Session:
         """Return what images show of this session now; cheap, on the main thread."""
         return self._scene_description.of(self)
 
-    def recolor(self, keep: bool = True, undoable: bool = True) -> dict[int, float]:
+    def recolor(self, undoable: bool = True) -> dict[int, float]:
         """Give what is packed hues that its neighbours in this view do not have; return all.
 
-        Parameters
-        ----------
-        keep : bool
-            Keep hues that still separate; False starts afresh.
-        undoable : bool
-            False where the camera came to rest and nobody asked.
+        Hues that still separate stay, once hues were chosen for a view. `undoable` is False where
+        the camera came to rest and nobody asked.
         """
-        self.apply_hues(self.queries.hues(keep), undoable)
+        self.apply_hues(self.queries.hues(), undoable)
         return self.hues
 
     def apply_hues(self, hues: Mapping[int, float], undoable: bool = True) -> None:

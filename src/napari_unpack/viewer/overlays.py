@@ -94,10 +94,8 @@ class OutlineRenderer:
 
     Parameters
     ----------
-    session : Session
-    scheduler : Scheduler
-    show : callable
-        Called when there is something new to draw.
+    session, scheduler, show
+        As for `Ghost`.
     """
 
     def __init__(self, session: Session, scheduler: Scheduler, show: Callable[[], None]) -> None:
@@ -231,10 +229,8 @@ class Overlays:
 
     Parameters
     ----------
-    session : Session
-    scheduler : Scheduler
-    show : callable
-        Called when there is something new to draw.
+    session, scheduler, show
+        As for `Ghost`.
     shows : callable
         Given what the canvas shows, tells whether the bag's image is seen and is of that view.
 

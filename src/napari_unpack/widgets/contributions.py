@@ -127,18 +127,7 @@ def packed_bag(progress: Progress | None = None) -> list[LayerData]:
 
 
 def nuclei(progress: Progress | None = None) -> list[LayerData]:
-    """Simulate the nuclei of an embryo under a microscope.
-
-    Parameters
-    ----------
-    progress : callable, optional
-        Takes (fraction in [0, 1], text); raises to cancel.
-
-    Returns
-    -------
-    list of (array, dict, str)
-        As of `packed_bag`.
-    """
+    """Simulate the nuclei of an embryo under a microscope; otherwise as `packed_bag`."""
     from napari_unpack.simulation.nuclei import simulate_nuclei
 
     made = simulate_nuclei(0, progress=progress)

@@ -174,10 +174,8 @@ class ObjectFilter(QSortFilterProxyModel):
 
         Parameters
         ----------
-        section : int
-            The column.
-        orientation : Qt.Orientation
-        role : int
+        section, orientation, role
+            As for `ObjectModel.headerData`.
         """
         if self._short and role == Qt.ItemDataRole.DisplayRole and section in SHORT_TITLES:
             return SHORT_TITLES[Column(section)]
