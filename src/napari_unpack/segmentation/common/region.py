@@ -23,6 +23,8 @@ LARGEST_SHARE = 1 / 2000
 # Of all matter in objects below the default size, from which it is no measure of these objects: of
 # bags it is 0.007 at most, of a jar of beads all.
 SMALL_SHARE = 0.1
+# Of such objects, for it: one or two are specks.
+LEAST_SMALL = 5
 
 
 def default_smallest_object(shape: tuple[int, int, int], spacing: Spacing) -> float:
@@ -51,8 +53,9 @@ def fewest_voxels(labels: NDArray[np.int32], usual: float) -> float:
         smaller ones, such as the beads in a jar.
     """
     counts = np.bincount(labels.reshape(-1))[1:]
-    small = counts[counts < usual].sum()
-    return MIN_OBJECT_VOXELS if small > SMALL_SHARE * counts.sum() else usual
+    small = counts[(counts > 0) & (counts < usual)]
+    many = len(small) >= LEAST_SMALL and small.sum() > SMALL_SHARE * counts.sum()
+    return MIN_OBJECT_VOXELS if many else usual
 
 
 @dataclass(frozen=True, eq=False)
