@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from napari_unpack.atomic import written_atomically
 from napari_unpack.file_sizes import check_array, check_size, load_arrays
 from napari_unpack.geometry.axes import Matrix
+from napari_unpack.geometry.transforms import checked_place
 from napari_unpack.io.file_data import NO_VOXEL_SIZE, SPACE, FileData
 from napari_unpack.io.scan import (
     Scan,
     Spacing,
     check_one_shape,
     checked_label_array,
-    checked_place,
     checked_spacing,
     checked_volume_array,
 )

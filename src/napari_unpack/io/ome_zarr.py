@@ -18,6 +18,7 @@ from napari_unpack.atomic import holds_only
 from napari_unpack.file_sizes import TooLargeError, check_size, stored_size
 from napari_unpack.geometry.axes import Matrix
 from napari_unpack.geometry.coarser_labels import halved
+from napari_unpack.geometry.transforms import checked_place
 from napari_unpack.io.file_data import (
     LABELS_LEFT_OUT,
     NO_UNIT,
@@ -31,7 +32,6 @@ from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import (
     Spacing,
     checked_label_array,
-    checked_place,
     checked_spacing,
     checked_volume_array,
 )

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from napari_unpack.geometry import axes
 from napari_unpack.geometry.length_unit import assumed_besides_size
 from napari_unpack.geometry.masks import unmasked
+from napari_unpack.geometry.transforms import checked_place
 
 Spacing = tuple[float, float, float]
 
@@ -116,31 +117,6 @@ def check_one_shape(volume: NDArray[Any], labels: NDArray[Any], source: object) 
             f"'volume' and 'labels' of {source} must have one shape, "
             f"got {volume.shape} and {labels.shape}"
         )
-
-
-def checked_place(matrix: ArrayLike | None, source: object) -> axes.Matrix | None:
-    """Return where a scan lies, see `Scan.scanner_from_scan`; None where it is not told.
-
-    Parameters
-    ----------
-    matrix : (4, 4) array_like of float, optional
-    source : object
-        The file's name, for messages.
-
-    Raises
-    ------
-    ValueError
-        If it does not turn and move what it places.
-    """
-    if matrix is None:
-        return None
-    place = np.asarray(matrix, dtype=np.float64)
-    if place.shape == (4, 4) and place[3].tolist() == [0, 0, 0, 1] and np.isfinite(place).all():
-        turned = place[:3, :3]
-        # To what single precision keeps, as NIfTI has it.
-        if np.allclose(turned @ turned.T, np.eye(3), atol=1e-4):
-            return place
-    raise ValueError(f"{source} must tell where its scan lies by a turn and a move of mm")
 
 
 def checked_volume_array(array: NDArray[Any], source: object) -> NDArray[Any]:
