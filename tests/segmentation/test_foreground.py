@@ -86,6 +86,7 @@ def test_one_object_that_fills_the_volume_is_not_a_table():
         (np.zeros((4, 4)), "3 axes"),
         (np.zeros((0, 4, 4)), "empty"),
         (np.full((4, 4, 4), 7), "constant"),
+        (np.full((4, 4, 4), -0.0), r"constant \(0 everywhere"),
         (np.full((4, 4, 4), np.nan), "no finite value"),
         (np.zeros((1, 1, 1)), "constant"),
     ],

@@ -38,10 +38,16 @@ def checked_volume(volume: ArrayLike) -> NDArray[np.generic]:
     array = array.astype(block_dtype(array.dtype), copy=False)
     low, high = _finite_range(array)
     if not low < high:
-        raise ValueError(
-            f"volume is constant ({low:g} everywhere): there is nothing to tell apart in it"
-        )
+        raise constant_volume(low)
     return array
+
+
+def constant_volume(value: float) -> ValueError:
+    """Return the error of a volume that is the same everywhere."""
+    # -0 is 0.
+    return ValueError(
+        f"volume is constant ({value + 0.0:g} everywhere): there is nothing to tell apart in it"
+    )
 
 
 def checked_form(shape: tuple[int, ...], dtype: np.dtype[Any]) -> tuple[int, int, int]:
