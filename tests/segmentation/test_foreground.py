@@ -3,7 +3,8 @@ import pytest
 from phantoms import ball, box, scanned
 from scipy.ndimage import gaussian_filter
 
-from napari_unpack.segmentation.common.validation import checked_spacing, checked_volume
+from napari_unpack.geometry.axes import voxel_size
+from napari_unpack.segmentation.common.validation import checked_volume
 from napari_unpack.segmentation.foreground.denoising import is_noisy
 from napari_unpack.segmentation.foreground.methods import checked_foreground, find_foreground
 from napari_unpack.segmentation.foreground.scanner_table import find_supports
@@ -104,7 +105,7 @@ def test_a_volume_of_words_is_a_type_error():
 @pytest.mark.parametrize("spacing", [(0, 1, 1), (1, -1, 1), (1, 1), (np.nan, 1, 1), 1.0])
 def test_a_spacing_that_is_not_three_positive_numbers_is_refused(spacing):
     with pytest.raises(ValueError, match="spacing must be three positive"):
-        checked_spacing(spacing)
+        voxel_size(spacing)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -299,17 +298,6 @@ def _place_of(array: Any) -> Any:
     while base is not None and getattr(base, "filename", None) is None:
         base = getattr(base, "base", None)
     return id(array) if base is None else os.path.realpath(base.filename)
-
-
-def checked_spacing(spacing: Sequence[float] | ArrayLike) -> Spacing:
-    """Return a voxel size as three floats.
-
-    Raises
-    ------
-    ValueError
-        If it is not three positive finite numbers.
-    """
-    return axes.triple(axes.checked_spacing(spacing))
 
 
 def checked_labels(labels: ArrayLike, name: str) -> NDArray[np.integer]:
