@@ -160,7 +160,7 @@ class SessionController:
         repaint, shows = self.transition.repaint, self.packed.shows
         self.overlays = Overlays(session, self.scheduler, repaint, shows)
         for layer in (self.packed, self.transition):
-            layer.overlays = partial(self._drawn_over, layer)
+            layer.overlays = partial(_drawn_over, self, layer)
         scale = self.pixel_scale
         self.names = SpriteNames(session, self.sprites, scale, repaint)
         self.rulers = RulerDrawing(self, scale, repaint)
@@ -300,12 +300,6 @@ class SessionController:
             partial(_leave, self.viewer, saved, self.layers),
             self.events.closed.emit,
         )
-
-    def _drawn_over(self, layer: PackedLayer | TransitionLayer, frame: Frame) -> Sequence[Quad]:
-        """Return what is drawn over the bag, once: with its own layer where that stands apart."""
-        # In napari's grid every layer has a view of its own.
-        apart = self.viewer.canvas.grid.enabled and self.packed.visible
-        return self.overlays.quads_at(frame) if apart == (layer is self.packed) else ()
 
     # Commands.
 
@@ -484,6 +478,15 @@ class SessionController:
         still = self.framing.settled or self.flying
         drawn = still and self.renderer.settled and self.overlays.settled
         return drawn and not (self.scheduler.busy or pending)
+
+
+def _drawn_over(
+    one: SessionController, layer: PackedLayer | TransitionLayer, frame: Frame
+) -> Sequence[Quad]:
+    """Return what is drawn over the bag, once: with its own layer where that stands apart."""
+    # In napari's grid every layer has a view of its own.
+    apart = one.viewer.canvas.grid.enabled and one.packed.visible
+    return one.overlays.quads_at(frame) if apart == (layer is one.packed) else ()
 
 
 def _let_go(session: Session, before: tuple[bool, str]) -> None:
