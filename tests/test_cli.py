@@ -248,12 +248,13 @@ def test_mistakes_get_a_sentence_and_no_traceback(bag: Path, tmp_path: Path) -> 
 
 def test_a_simulated_bag_knows_what_its_objects_are(tmp_path: Path) -> None:
     out = tmp_path / "bag.npz"
-    result = run("simulate", out, "--shape", 40, 48, 56, "--count", 2)
+    result = run("simulate", out, "--shape", 40, 48, 56, "--count", 2, "--spacing", "1 1 2")
     assert result.exit_code == 0, result.output
     table = [line.split(",") for line in out.with_suffix(".csv").read_text().splitlines()]
     names = {int(row[0]): row[table[0].index("name")] for row in table[1:]}
     assert names
-    assert load_volume(out).names == names
+    found = load_volume(out)
+    assert (found.names, found.spacing) == (names, (1, 1, 2))
     listed = run("order", out, "--backend", "cpu").stdout
     assert all(name[:23] in listed for name in names.values())
 

@@ -122,8 +122,12 @@ def _simulate(
     ),
     count: Annotated[int, typer.Option(help="How many objects.")] = 30,
     spacing: Annotated[
-        tuple[float, float, float], typer.Option(metavar="Z Y X", help="Voxel size in mm.")
-    ] = (1.0, 1.0, 1.0),
+        str,
+        typer.Option(
+            metavar="'Z Y X'",
+            help="Voxel size in mm, such as '2 0.5 0.5', or one number for all three.",
+        ),
+    ] = "1",
     fidelity: Annotated[
         str,
         typer.Option(help="image: quick; projection: photons counted along rays, with streaks."),
@@ -132,13 +136,14 @@ def _simulate(
     """Simulate a packed bag with its true labels, and a table of its objects beside it."""
     from napari_unpack import simulate_bag
     from napari_unpack.io import Scan, save_objects_csv, save_scan
+    from napari_unpack.io.scan import spacing_from
     from napari_unpack.io.volumes import WRITABLE
 
     # Before the long work: a wrong name is told at once.
     check_output(output, WRITABLE)
-    table = table_beside(output)
+    table, mm = table_beside(output), spacing_from(spacing, "--spacing")
     bag = simulate_bag(
-        seed=seed, shape=shape, count=count, spacing=spacing, progress=Ticker(), fidelity=fidelity
+        seed=seed, shape=shape, count=count, spacing=mm, progress=Ticker(), fidelity=fidelity
     )
     # Names go into the file, so that the viewer and `table` show what things are.
     names = {int(i): str(name) for i, name in bag.objects["name"].items()}

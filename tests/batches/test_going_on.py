@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from dask_pair import make_bag
 
@@ -51,6 +52,21 @@ def test_sessions_without_copies_open_whatever_became_of_the_names_of_their_volu
     shutil.copy(scans / "b.npz", scans / "copy.npz")
     nu.batch(scans / "copy.npz", output, client, copies=False, **QUICK)
     assert {file: file.stat().st_mtime_ns for file in output.glob("scans/*/*")} == times
+
+
+def test_what_a_moved_file_held_under_another_name_is_no_scan_of_its_own(
+    client: Any, tmp_path: Path
+) -> None:
+    scans, output, table = tmp_path / "in", tmp_path / "out", tmp_path / "scans.csv"
+    scans.mkdir()
+    make_bag(scans / "b.npz", 0)
+    table.write_text("volume,name\nin/b.npz,other\n")
+    nu.batch(table, output, client, **QUICK)
+    make_bag(scans / "b.npz", 1)
+    nu.batch(scans, output, client, **QUICK)
+    (scans / "b.npz").rename(scans / "moved.npz")
+    nu.batch(scans, output, client, **QUICK)
+    assert pd.read_parquet(output / "scans.parquet")["scan"].tolist() == ["moved"]
 
 
 @pytest.mark.parametrize("labels", ["npz", "zarr"])

@@ -211,6 +211,17 @@ def test_a_table_as_a_person_types_it_is_read(tmp_path: Path) -> None:
     assert len(find_inputs([table])) == 1
 
 
+def test_a_name_may_be_what_elsewhere_means_missing(tmp_path: Path) -> None:
+    table = tmp_path / "list.csv"
+    table.write_text("volume,labels,spacing,name\na.npz,NA,NA,NA\nb.npz,,,null\nc.npz,,\n,,,d\n")
+    with pytest.raises(ValueError, match=r"row 4 of .* names no volume"):
+        find_inputs([table])
+    table.write_text(table.read_text().removesuffix(",,,d\n"))
+    found = find_inputs([table])
+    assert [one.name for one in found] == ["NA", "null", "c"]
+    assert {(one.labels, one.spacing) for one in found} == {(None, None)}
+
+
 def test_numbers_are_names_without_a_fraction(tmp_path: Path) -> None:
     rows = pd.DataFrame({"volume": ["a.npz", "b.npz"], "name": [1, None]})
     rows.to_parquet(tmp_path / "list.parquet")

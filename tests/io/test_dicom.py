@@ -248,6 +248,18 @@ def test_directions_of_two_decimals_give_the_distance_of_slices(tmp_path: Path) 
     assert load_volume(tmp_path).spacing[0] == pytest.approx(2, rel=1e-6)
 
 
+def test_directions_not_quite_at_right_angles_place_the_scan_at_right_angles(
+    tmp_path: Path,
+) -> None:
+    for i, plane in enumerate(NUMBERS):
+        tags = {"ImageOrientationPatient": [1, 0.01, 0, 0, 1, 0]}
+        data = dataset(plane, ImagePositionPatient=[0, 0, 2 * i], **tags)
+        data.save_as(tmp_path / f"{i}.dcm", enforce_file_format=True)
+    place = load_volume(tmp_path).scanner_from_scan
+    assert place is not None
+    np.testing.assert_allclose(place[:3, :3] @ place[:3, :3].T, np.eye(3), atol=1e-12)
+
+
 def test_images_in_colours_are_no_slices(tmp_path: Path) -> None:
     colours = {
         "SamplesPerPixel": 3,

@@ -3,7 +3,8 @@ import pytest
 from phantoms import ball, box, scanned
 from scipy.ndimage import gaussian_filter
 
-from napari_unpack.segmentation.common.validation import checked_spacing, checked_volume
+from napari_unpack.geometry.axes import voxel_size
+from napari_unpack.segmentation.common.validation import checked_volume
 from napari_unpack.segmentation.foreground.denoising import is_noisy
 from napari_unpack.segmentation.foreground.methods import checked_foreground, find_foreground
 from napari_unpack.segmentation.foreground.scanner_table import find_supports
@@ -86,6 +87,7 @@ def test_one_object_that_fills_the_volume_is_not_a_table():
         (np.zeros((4, 4)), "3 axes"),
         (np.zeros((0, 4, 4)), "empty"),
         (np.full((4, 4, 4), 7), "constant"),
+        (np.full((4, 4, 4), -0.0), r"constant \(0 everywhere"),
         (np.full((4, 4, 4), np.nan), "no finite value"),
         (np.zeros((1, 1, 1)), "constant"),
     ],
@@ -103,7 +105,7 @@ def test_a_volume_of_words_is_a_type_error():
 @pytest.mark.parametrize("spacing", [(0, 1, 1), (1, -1, 1), (1, 1), (np.nan, 1, 1), 1.0])
 def test_a_spacing_that_is_not_three_positive_numbers_is_refused(spacing):
     with pytest.raises(ValueError, match="spacing must be three positive"):
-        checked_spacing(spacing)
+        voxel_size(spacing)
 
 
 @pytest.mark.parametrize(

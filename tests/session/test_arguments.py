@@ -145,6 +145,10 @@ REFUSED: dict[str, tuple[str, Callable[[Session], Any]]] = {
     "cut of a point": ("cut of the style must be", cuts((1, 2, 3))),
     "first voxel in a plane": ("first_voxel_mm must be", sets("first_voxel_mm", (1, 2))),
     "scanner of 3": ("scanner_from_scan must be", sets("scanner_from_scan", EYE)),
+    "scanner with the voxel size": (
+        "scanner_from_scan must tell .* without the voxel size",
+        sets("scanner_from_scan", np.diag([3.0, 1.0, 1.0, 1.0])),
+    ),
     "colour red": ("color must be three or four", lambda s: s.annotations.set_color(1, "red")),
     "colour 5": ("color must be three or four", lambda s: s.annotations.set_color(1, 5)),
     "tints of a stranger": ("object_id must be objects of", lambda s: s.solo_tints(77)),

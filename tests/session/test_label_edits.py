@@ -331,7 +331,9 @@ def test_new_objects_beside_the_largest_id_there_can_be_take_ids_that_were_never
 @pytest.mark.parametrize(
     ("a", "b", "words"),
     [((0, 0, 0), RIGHT, "a must be a voxel"), (LEFT, (5, 17, 5), "b must be a voxel"),
-     (LEFT, (99, 0, 0), "b must be a voxel"), (LEFT, LEFT, "different")],
+     (LEFT, (99, 0, 0), "b must be a voxel"), (LEFT, LEFT, "different"),
+     (np.add(LEFT, 0.4), RIGHT, "a must be a voxel .* whole numbers"), (5, RIGHT, "a must be"),
+     (LEFT, [str(i) for i in RIGHT], "b must be a voxel"), (LEFT, (np.nan, 1, 1), "b must be")],
 )  # fmt: skip
 def test_points_that_cannot_split_are_named(a, b, words) -> None:
     s = session()

@@ -226,6 +226,14 @@ def test_facts_are_measured_where_nobody_gave_them():
     np.testing.assert_allclose(table[["z", "y", "x"]], [[0, 0, 0.25], [6, 1.5, 1.5]])
 
 
+@pytest.mark.parametrize("dtype", [np.float64, np.int32, np.uint64])
+def test_densities_far_from_zero_are_measured_as_they_are(dtype):
+    labels = side_by_side()
+    volume = labels.astype(dtype) * dtype(20) + dtype(10**9)
+    found = Session(volume, labels).objects["mean_density"]
+    assert found.tolist() == [10**9 + 20 * i for i in found.index]
+
+
 def test_given_facts_are_kept_and_completed():
     labels = side_by_side()
     given = pd.DataFrame(

@@ -142,7 +142,7 @@ def test_outlines_go_with_the_picture_they_are_of(shown: Any, qtbot: Any) -> Non
     controller.close()
 
 
-def test_in_napari_s_grid_measurements_are_drawn_in_the_view_of_their_layer(
+def test_in_napari_s_grid_measurements_are_drawn_in_the_view_of_the_bag(
     staged: Any, session: Session
 ) -> None:
     viewer, controller = staged
@@ -163,8 +163,22 @@ def test_in_napari_s_grid_measurements_are_drawn_in_the_view_of_their_layer(
     whole = drawn()
     viewer.canvas.grid.enabled = True
     part = drawn()
-    # Line and number are as large as without a grid, at the right of the first of two rows.
+    # Line and number are as large as without a grid, at the left of the first of two rows.
     assert np.abs(np.diff(part) - np.diff(whole)).max() <= 2
     height, width = canvas(viewer).shape[:2]
     assert part[0, 1] < height / 2
-    assert part[1, 0] > width / 2
+    assert part[1, 1] < width / 2
+
+
+def test_in_napari_s_grid_outlines_are_around_the_objects_that_they_are_of(shown: Any) -> None:
+    viewer, session = shown
+    controller = staged(viewer, session)
+    viewer.canvas.grid.enabled = True
+    assert controller.settle(30)
+    with_lines = canvas(viewer)
+    controller.overlays.outlines_unpackable = False
+    assert controller.settle(30)
+    lines = np.argwhere(np.abs(with_lines - canvas(viewer)).max(axis=2) > 12)
+    assert len(lines)
+    assert all(controller.interaction.packed_at(at.astype(float)) for at in lines)
+    controller.close()

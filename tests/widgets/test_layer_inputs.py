@@ -10,7 +10,7 @@ import pytest
 from napari.layers import Image, Labels
 
 from napari_unpack.geometry.view import View
-from napari_unpack.layers.placement import place_of, spacing_of
+from napari_unpack.layers.placement import place_of, scanner_from_scan, spacing_of
 from napari_unpack.rendering.compose import scene_image
 from napari_unpack.session import Session
 from napari_unpack.widgets.layer_inputs import (
@@ -168,3 +168,12 @@ def test_what_is_painted_while_objects_are_measured_is_not_in_the_session(
     assert built.session.objects["voxels"].tolist() == [480, 480]
     assert np.bincount(built.session.labels.ravel()).tolist() == [5440, 480, 480]
     assert built.session.boxes.lower[0].tolist() == [2, 4, 4]
+
+
+def test_what_is_no_place_in_the_scanner_is_not_taken_from_a_layer() -> None:
+    layer = Image(np.zeros((4, 5, 6)))
+    for other in (np.diag([2.0, 1.0, 1.0, 1.0]), np.full((4, 4), None)):
+        layer.metadata["scanner_from_scan"] = other
+        assert scanner_from_scan(layer) is None
+    layer.metadata["scanner_from_scan"] = np.eye(4)
+    assert scanner_from_scan(layer) is not None

@@ -2,6 +2,7 @@
 
 import threading
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from pytestqt.qtbot import QtBot
 from qtpy.QtCore import QPoint, Qt
 from qtpy.QtTest import QTest
 
+import napari_unpack as nu
 from bells import BELL, CUBE, SLAB, bells
 from mouse import move
 from napari_unpack.layers import compat
@@ -19,6 +21,7 @@ from napari_unpack.segmentation.repair import LabelEdit
 from napari_unpack.tasks import Task, no_progress
 from napari_unpack.viewer.label_sync import QUIET_MS
 from napari_unpack.viewer.scheduler import Worker
+from napari_unpack.widgets.files_section import EXPORTS
 from napari_unpack.widgets.unpacking_widget import UnpackingWidget
 from opened_panel import at_rest, controller_with, press, rest, states
 from tin import tin
@@ -471,6 +474,31 @@ def test_a_repair_asked_for_while_a_stroke_is_compared_follows_it(
     wanted = np.where(bells()[1] == SLAB, 0, bells()[1])
     assert np.array_equal(layer.data, np.where(layer.data != wanted, CUBE, wanted))
     assert [step.verb for step in session.history.done] == ["paint", "delete"]
+
+
+def test_what_is_written_right_after_a_stroke_or_a_repair_holds_it(
+    viewer: Any, panel: UnpackingWidget, session: Any, qtbot: QtBot, tmp_path: Path
+) -> None:
+    repair, painted, merged = panel.objects.repair, tmp_path / "1.unpack", tmp_path / "2.unpack"
+    assert not panel.unsaved.changed
+    viewer.layers["found"].paint((36, 2, 2), CUBE)
+    # It would end with the window as well.
+    assert panel.unsaved.changed
+    panel.files.save_to(painted)
+    qtbot.waitUntil(lambda: painted.exists() and not panel.files.progress.running, timeout=20000)
+    assert nu.open_session(painted).labels[36, 2, 2] == CUBE
+    assert not panel.unsaved.changed
+    repair.merge([CUBE, SLAB])
+    assert repair.running
+    panel.files.save_to(merged)
+    qtbot.waitUntil(lambda: merged.exists() and not panel.files.progress.running, timeout=20000)
+    assert nu.open_session(merged).ids == session.ids
+    assert len(session.ids) == 2
+    repair.delete([BELL])
+    table = tmp_path / "table.csv"
+    panel.files.export_to(next(kind for kind in EXPORTS if kind.title == "Table"), table)
+    qtbot.waitUntil(lambda: table.exists() and not panel.files.progress.running, timeout=20000)
+    assert len(table.read_text().splitlines()) == 2
 
 
 def test_a_repair_asked_for_after_another_was_called_off_is_done(

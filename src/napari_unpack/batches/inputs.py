@@ -183,6 +183,10 @@ COLUMNS = ("volume", "labels", "name", "spacing")
 """What a table of volumes may say of each; others are a person's own."""
 
 
+MISSING = frozenset({"", "na", "n/a", "nan", "null", "none"})
+"""What programs write into a table for labels and voxel sizes that there are not."""
+
+
 def _listed(table: Path) -> Iterator[ScanInput]:
     """Yield the scans of a table."""
     import pandas as pd
@@ -190,8 +194,9 @@ def _listed(table: Path) -> Iterator[ScanInput]:
     if suffix_of(table) == ".parquet":
         needed("pyarrow", "reading Parquet tables", "batch")
     try:
-        # As text, so that names of digits keep their zeros; people put blanks after commas.
-        csv = partial(pd.read_csv, dtype=str, skipinitialspace=True)
+        # As text, so that names of digits keep their zeros, and NA is a name; people put blanks
+        # after commas.
+        csv = partial(pd.read_csv, dtype=str, skipinitialspace=True, keep_default_na=False)
         if suffix_of(table) == ".parquet":
             rows: Any = pd.read_parquet(table)
             given = list(map(str, rows))
@@ -224,16 +229,19 @@ def _listed(table: Path) -> Iterator[ScanInput]:
 
 def _entry(row: dict[str, Any], column: str) -> str | None:
     value = row.get(column)
-    missing = value is None or (isinstance(value, float) and math.isnan(value))
+    missing = _is_missing(value) or (column == "labels" and str(value).strip().lower() in MISSING)
     # Whole numbers beside missing ones, as Parquet has them.
     value = int(value) if isinstance(value, float) and value % 1 == 0 else value
     return None if missing or not str(value).strip() else str(value).strip()
 
 
 def _spacing(value: Any, where: str) -> Spacing | None:
-    if value is None or (isinstance(value, float) and math.isnan(value)):
-        return None
-    return spacing_from(value, where)
+    missing = _is_missing(value) or str(value).strip().lower() in MISSING
+    return None if missing else spacing_from(value, where)
+
+
+def _is_missing(value: Any) -> bool:
+    return value is None or (isinstance(value, float) and math.isnan(value))
 
 
 def told_apart(scans: list[ScanInput], taken: Iterable[str] = ()) -> list[ScanInput]:

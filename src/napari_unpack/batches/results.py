@@ -114,21 +114,29 @@ def note_names(output: Path, results: Iterable[ScanResult]) -> None:
     """
     results = tuple(results)
     holds = {one.source: one.folder for one in results}
-    found: dict[tuple[str, str], list[ScanResult]] = {}
+    now = {one.folder for one in results}
+    found: dict[str, list[ScanResult]] = {}
     for one in results_in(output):
-        found.setdefault((one.source, one.scan), []).append(one)
+        found.setdefault(one.source, []).append(one)
     for one in results:
-        key = one.source, one.scan
-        if one.status != "kept" or (key in found and found[key][-1].folder == one.folder):
+        same = [each.folder for each in found.get(one.source, ()) if each.scan == one.scan]
+        if one.status != "kept" or same[-1:] == [one.folder]:
             continue
         before = read_result(output / one.folder)
         if before is None:
             continue
         # Where the file of the record is there as well, and is it, one is a copy of the other.
         is_it = holds.get(before.source, before.folder) == before.folder
-        if before.source == one.source or not (is_it and Path(before.source).exists()):
-            # What the file held earlier stays what it held earlier.
-            for told in (*found.get((before.source, before.scan), ()), one):
+        moved = before.source != one.source
+        if not moved or not (is_it and Path(before.source).exists()):
+            # What the file held earlier stays what it held earlier; of one that was moved all,
+            # whatever tables called it.
+            earlier = [
+                each
+                for each in found.get(before.source, ())
+                if (moved or each.scan == before.scan) and each.folder not in now
+            ]
+            for told in (*earlier, one):
                 told = replace(told, scan=one.scan, source=one.source, status="done")
                 with written_atomically(output / told.folder / DONE) as temporary:
                     temporary.write_text(json.dumps(told.record(), indent=1), encoding="utf-8")

@@ -122,6 +122,24 @@ def checked_spacing(spacing: ArrayLike, name: str = "spacing") -> NDArray[np.flo
     return mm
 
 
+def voxel_size(spacing: ArrayLike, source: object = None) -> tuple[float, float, float]:
+    """Return a voxel size as three floats.
+
+    Parameters
+    ----------
+    spacing : (3,) array_like, mm z y x
+    source : object, optional
+        What holds it, for the message.
+
+    Raises
+    ------
+    ValueError
+        As for `checked_spacing`.
+    """
+    name = "spacing" if source is None else f"the voxel size in {source}"
+    return triple(checked_spacing(spacing, name))
+
+
 def transform_points(matrix: Matrix, points: ArrayLike) -> NDArray[np.float64]:
     """Apply a (4, 4) column-vector matrix to (..., 3) points, dividing by w.
 

@@ -60,6 +60,43 @@ def is_rotation(matrix: Matrix) -> bool:
     return square and bool(np.linalg.det(matrix) > 0)
 
 
+def turns_and_moves(matrix: Matrix) -> bool:
+    """Tell whether a matrix is (4, 4), turns, mirrors and moves, and does nothing else."""
+    if matrix.shape != (4, 4) or matrix[3].tolist() != [0, 0, 0, 1]:
+        return False
+    turned = matrix[:3, :3]
+    # To what single precision keeps, as NIfTI has it.
+    square = np.allclose(turned @ turned.T, np.eye(3), atol=1e-4)
+    return square and bool(np.isfinite(matrix).all())
+
+
+def checked_place(matrix: ArrayLike | None, source: object) -> Matrix | None:
+    """Return where a scan lies in the scanner; None where it is not told.
+
+    Parameters
+    ----------
+    matrix : (4, 4) array_like of float, optional
+        From mm along the scan's axes to the scanner's mm.
+    source : object
+        What tells it, for the message.
+
+    Raises
+    ------
+    ValueError
+        If it does anything but turn, mirror and move: one that holds the voxel size as well would
+        count it twice.
+    """
+    if matrix is None:
+        return None
+    place = np.asarray(matrix, dtype=np.float64)
+    if not turns_and_moves(place):
+        raise ValueError(
+            f"{source} must tell where its scan lies by a turn and a move of mm, without the voxel "
+            f"size, got {place.tolist()}"
+        )
+    return place
+
+
 @dataclass(frozen=True, eq=False)
 class Pose:
     """Where an object stands in pivot space: its centre, its turn, its size.

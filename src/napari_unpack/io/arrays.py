@@ -11,15 +11,14 @@ from numpy.typing import NDArray
 
 from napari_unpack.atomic import written_atomically
 from napari_unpack.file_sizes import check_array, check_size, load_arrays
-from napari_unpack.geometry.axes import Matrix
+from napari_unpack.geometry.axes import Matrix, voxel_size
+from napari_unpack.geometry.transforms import checked_place
 from napari_unpack.io.file_data import NO_VOXEL_SIZE, SPACE, FileData
 from napari_unpack.io.scan import (
     Scan,
     Spacing,
     check_one_shape,
     checked_label_array,
-    checked_place,
-    checked_spacing,
     checked_volume_array,
 )
 from napari_unpack.read_errors import read_errors_told
@@ -59,7 +58,7 @@ def read_npz(path: Path, large: bool = False) -> FileData:
     assumed = _sentences(arrays.get("assumed")) if "spacing" in arrays else (NO_VOXEL_SIZE,)
     if "names" in keys and "names" not in arrays:
         assumed += ("its names are no plain text: they were left out",)
-    spacing = checked_spacing(arrays.get("spacing", np.ones(3)), path)
+    spacing = voxel_size(arrays.get("spacing", np.ones(3)), path)
     place = checked_place(arrays.get("scanner_from_scan"), path)
     return FileData(volume, SPACE, spacing, labels, assumed, place, volume is not None)
 

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.file_sizes import check_size
-from napari_unpack.geometry.axes import Matrix
+from napari_unpack.geometry.axes import Matrix, voxel_size
 from napari_unpack.io.file_data import NO_VOXEL_SIZE, SPACE, FileData
 from napari_unpack.io.optional import needed
-from napari_unpack.io.scan import Spacing, checked_spacing
+from napari_unpack.io.scan import Spacing
 from napari_unpack.io.slice_stack import SliceStack
 from napari_unpack.read_errors import read_errors_told
 
@@ -415,7 +415,7 @@ def _volume(
     if distances is None:
         assumed.append("it gives no pixel size: 1 mm was assumed")
     rows, columns = distances or (1.0, 1.0)
-    checked_spacing((rows, rows, columns), source)
+    voxel_size((rows, rows, columns), source)
     silent = sum(part.value("RescaleIntercept") is None for part in slices)
     if first.header.get("Modality") == "CT" and silent:
         all_do = silent == len(slices)
@@ -432,7 +432,7 @@ def _volume(
         assumed.append("it gives no positions of its slices: their order was assumed")
         assumed.append(NO_VOXEL_SIZE if gap is None else thickness)
         volume = np.stack([pixels.density(part) for part in ordered])
-        return volume, checked_spacing(((gap or (1.0,))[0], rows, columns), source), None
+        return volume, voxel_size(((gap or (1.0,))[0], rows, columns), source), None
     if first.directions is None:
         assumed.append("it gives no direction of its slices: axial ones were assumed")
     columns_grow, rows_grow = _directions(first)
@@ -449,7 +449,7 @@ def _volume(
     air = 0.0 if first.header.get("Modality") == "CT" else float(stack.planes.min())
     volume, spacing, place, done = stack.volume(air, source)
     assumed += done
-    return volume, checked_spacing(spacing, source), place
+    return volume, voxel_size(spacing, source), place
 
 
 def _heights(slices: Sequence[_Slice]) -> NDArray[np.float64] | None:

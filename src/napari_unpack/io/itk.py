@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.atomic import written_atomically
 from napari_unpack.file_sizes import check_size
-from napari_unpack.geometry.axes import Matrix
+from napari_unpack.geometry.axes import Matrix, voxel_size
 from napari_unpack.io.file_data import SPACE, FileData
 from napari_unpack.io.itk_fields import HeaderFields, fields_of
 from napari_unpack.io.itk_header import stored_as
@@ -26,7 +26,6 @@ from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import (
     SCANNER_FROM_SCAN,
     Spacing,
-    checked_spacing,
     checked_volume_array,
 )
 from napari_unpack.io.volumes import suffix_of
@@ -104,7 +103,7 @@ def read_itk(path: Path, large: bool = False) -> FileData:
         if len(letters) != image.GetDimension():
             raise ValueError(f"{path} must name {image.GetDimension()} axes, got {letters}")
         sides = dict(zip(letters[::-1], image.GetSpacing(), strict=True))
-        spacing = checked_spacing([sides.get(axis, 1.0) * unit for axis in SPACE], path)
+        spacing = voxel_size([sides.get(axis, 1.0) * unit for axis in SPACE], path)
         array = sitk.GetArrayFromImage(image)
         if letters != "tzyx":
             return FileData(array, letters, spacing, None, fields.assumed)
@@ -128,7 +127,7 @@ def read_itk(path: Path, large: bool = False) -> FileData:
     array = checked_volume_array(sitk.GetArrayFromImage(image), path)
     turned = np.reshape(image.GetDirection(), (3, 3))
     place = _place(turned, image.GetOrigin(), unit) if upright else None
-    spacing = checked_spacing([mm * unit for mm in image.GetSpacing()[::-1]], path)
+    spacing = voxel_size([mm * unit for mm in image.GetSpacing()[::-1]], path)
     return FileData(
         array, spacing=spacing, assumed=assumed, scanner_from_scan=place, turned=was_turned
     )

@@ -16,8 +16,9 @@ from numpy.typing import DTypeLike, NDArray
 
 from napari_unpack.atomic import holds_only
 from napari_unpack.file_sizes import TooLargeError, check_size, stored_size
-from napari_unpack.geometry.axes import Matrix
+from napari_unpack.geometry.axes import Matrix, voxel_size
 from napari_unpack.geometry.coarser_labels import halved
+from napari_unpack.geometry.transforms import checked_place
 from napari_unpack.io.file_data import (
     LABELS_LEFT_OUT,
     NO_UNIT,
@@ -31,8 +32,6 @@ from napari_unpack.io.optional import needed
 from napari_unpack.io.scan import (
     Spacing,
     checked_label_array,
-    checked_place,
-    checked_spacing,
     checked_volume_array,
 )
 
@@ -422,7 +421,7 @@ def _described(node: Any, path: Path) -> tuple[Any, FileData]:
             unit = in_millimetres(axis.get("unit"), "mm", assumed)
             sides[axis["name"]], origin[axis["name"]] = float(factor) * unit, float(move) * unit
     letters = "".join(axis["name"] for axis in axes)
-    spacing = checked_spacing([sides[axis] for axis in SPACE], path)
+    spacing = voxel_size([sides[axis] for axis in SPACE], path)
     place = None
     if "translation" in said:
         # The format names no side of a body: x, y and z are those of the scanner, as in ITK.

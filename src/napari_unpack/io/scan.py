@@ -9,11 +9,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from napari_unpack.geometry import axes
+from napari_unpack.geometry.axes import Matrix, voxel_size
 from napari_unpack.geometry.length_unit import assumed_besides_size
 from napari_unpack.geometry.masks import unmasked
+from napari_unpack.geometry.transforms import checked_place
 
 Spacing = tuple[float, float, float]
 
@@ -56,7 +57,7 @@ class Scan:
     name: str = "scan"
     names: Mapping[int, str] | None = None
     assumed: tuple[str, ...] = ()
-    scanner_from_scan: axes.Matrix | None = None
+    scanner_from_scan: Matrix | None = None
     turned: bool = False
 
     def with_labels(self, labels: NDArray[Any]) -> Scan:
@@ -92,7 +93,7 @@ def checked_scan(scan: Scan) -> Scan:
     if labels is not None:
         labels = checked_label_array(labels, "the labels")
         check_one_shape(volume, labels, "the scan")
-    checked_spacing(scan.spacing, "the scan")
+    voxel_size(scan.spacing, "the scan")
     checked_place(scan.scanner_from_scan, "the scan")
     return replace(scan, volume=volume, labels=labels)
 
@@ -116,31 +117,6 @@ def check_one_shape(volume: NDArray[Any], labels: NDArray[Any], source: object) 
             f"'volume' and 'labels' of {source} must have one shape, "
             f"got {volume.shape} and {labels.shape}"
         )
-
-
-def checked_place(matrix: ArrayLike | None, source: object) -> axes.Matrix | None:
-    """Return where a scan lies, see `Scan.scanner_from_scan`; None where it is not told.
-
-    Parameters
-    ----------
-    matrix : (4, 4) array_like of float, optional
-    source : object
-        The file's name, for messages.
-
-    Raises
-    ------
-    ValueError
-        If it does not turn and move what it places.
-    """
-    if matrix is None:
-        return None
-    place = np.asarray(matrix, dtype=np.float64)
-    if place.shape == (4, 4) and place[3].tolist() == [0, 0, 0, 1] and np.isfinite(place).all():
-        turned = place[:3, :3]
-        # To what single precision keeps, as NIfTI has it.
-        if np.allclose(turned @ turned.T, np.eye(3), atol=1e-4):
-            return place
-    raise ValueError(f"{source} must tell where its scan lies by a turn and a move of mm")
 
 
 def checked_volume_array(array: NDArray[Any], source: object) -> NDArray[Any]:
@@ -207,23 +183,6 @@ def checked_label_array(array: NDArray[Any], source: object) -> NDArray[Any]:
     return array
 
 
-def checked_spacing(spacing: ArrayLike, source: object) -> Spacing:
-    """Return a voxel size as three floats.
-
-    Parameters
-    ----------
-    spacing : (3,) array_like, mm z y x
-    source : object
-        Its name, for messages.
-
-    Raises
-    ------
-    ValueError
-        If it is not three positive finite numbers.
-    """
-    return axes.triple(axes.checked_spacing(spacing, f"the voxel size in {source}"))
-
-
 def spacing_from(value: Any, source: object) -> Spacing:
     """Return the voxel size that a person gives as "z y x" in mm, or as one number for all three.
 
@@ -251,4 +210,4 @@ def spacing_from(value: Any, source: object) -> Spacing:
             f"{source} must give the voxel size as 'z y x' in mm, or as one number for all three, "
             f"got {value!r}"
         )
-    return checked_spacing(sides * 3 if len(sides) == 1 else sides, source)
+    return voxel_size(sides * 3 if len(sides) == 1 else sides, source)

@@ -28,7 +28,6 @@ from napari_unpack.geometry.view import Camera, View
 from napari_unpack.io.answers import answers_from, answers_record
 from napari_unpack.io.images import png_bytes
 from napari_unpack.io.json_fields import Fields
-from napari_unpack.io.scan import checked_place
 from napari_unpack.rendering.object_style import ObjectStyle
 from napari_unpack.session.bag_cut import Cut
 from napari_unpack.session.events import LogEntry
@@ -619,8 +618,7 @@ def _with_labels(fields: Fields, density: NDArray[Any], data: LabelData) -> Sess
     session.seconds = fields.positive("seconds")
     # Older files do not tell.
     if fields.has("scanner_from_scan"):
-        place = fields.array("scanner_from_scan", (4, 4))
-        session.scanner_from_scan = checked_place(place, "session.scanner_from_scan")
+        session.scanner_from_scan = fields.array("scanner_from_scan", (4, 4))
     session.assumed = fields.texts("assumed") if fields.has("assumed") else ()
     session.log.extend(_log(fields))
     return session

@@ -104,6 +104,9 @@ class SliceStack:
         # The planes go down, against the normal.
         down = -np.cross(self.columns, self.rows)
         place[:3] = np.stack([down, self.rows, self.columns, first], axis=1)
+        # Directions of two decimals are not quite at right angles: the nearest that are.
+        left, _, right = np.linalg.svd(place[:3, :3])
+        place[:3, :3] = left @ right
         return planes, (gap, *self.spacing), place, done
 
     def _upright(

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from napari_unpack.atomic import written_atomically
 from napari_unpack.file_sizes import check_size
+from napari_unpack.geometry.axes import voxel_size
 from napari_unpack.io.file_data import (
     NO_UNIT,
     NO_VOXEL_SIZE,
@@ -21,7 +22,7 @@ from napari_unpack.io.file_data import (
     in_millimetres,
 )
 from napari_unpack.io.itk_header import check_beside
-from napari_unpack.io.scan import Spacing, checked_spacing
+from napari_unpack.io.scan import Spacing
 
 # Distances that image editors write without having measured anything, pixels an inch. Some write
 # them in pixels a centimetre, with two decimals.
@@ -68,7 +69,7 @@ def read_tiff(path: Path, large: bool = False) -> FileData:
         if axes == "yx" and "spacing" in (file.imagej_metadata or {}):
             array, axes = array[None], "zyx"
         spacing = _imagej(file, assumed) or _ome(file, assumed) or _tags(file, assumed)
-    return FileData(array, axes, checked_spacing(spacing, path), assumed=tuple(assumed))
+    return FileData(array, axes, voxel_size(spacing, path), assumed=tuple(assumed))
 
 
 def holds_single_slices(file: Any) -> bool:

@@ -126,6 +126,8 @@ class PackedLayer(PictureLayer):
         Whether the canvas has drawn what is shown.
     drawn_at : float
         When it was drawn last, s of `time.monotonic`.
+    overlays : callable or None
+        Given what the canvas shows, returns quads that are drawn over the bag.
     """
 
     def __init__(self, *args: object, **kwargs: object) -> None:
@@ -134,6 +136,7 @@ class PackedLayer(PictureLayer):
         self._mix = 1.0
         self.drawn, self.drawn_at = False, 0.0
         self.backdrop: Backdrop | None = None
+        self.overlays: Callable[[Frame], Sequence[Quad]] | None = None
         self._quads: tuple[Quad, ...] = ()
         self._quads_for: Camera | None = None
         self.dimming = 1.0
@@ -202,7 +205,8 @@ class PackedLayer(PictureLayer):
         super().quads_at(frame)
         self.on_draw()
         self.drawn, self.drawn_at = True, monotonic()
-        quads = self._bag_quads(frame)
+        over = () if self.overlays is None else self.overlays(frame)
+        quads = [*self._bag_quads(frame), *over]
         if self.backdrop is None:
             return quads
         edges = self.backdrop.edges(self.frame or frame, self.dimming)

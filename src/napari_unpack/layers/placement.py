@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from napari_unpack.geometry.axes import Matrix, transform_points
 from napari_unpack.geometry.length_unit import MICRO, MM, LengthUnit, assumed_besides_size
 from napari_unpack.geometry.rays import voxel_from_world
+from napari_unpack.geometry.transforms import turns_and_moves
 
 if TYPE_CHECKING:
     import napari
@@ -137,7 +138,8 @@ def scanner_from_scan(layer: Layer) -> Matrix | None:
     """Return where the scan of a layer lies, see `Scan.scanner_from_scan`; None if it says not."""
     told = layer.metadata.get("scanner_from_scan")
     # Others may use the word as well.
-    return told if isinstance(told, np.ndarray) and told.shape == (4, 4) else None
+    numbers = isinstance(told, np.ndarray) and told.dtype.kind in "fiu"
+    return told if numbers and turns_and_moves(told) else None
 
 
 def was_turned(layer: Layer) -> bool | None:

@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 from scipy.sparse import coo_matrix
 
+from napari_unpack.geometry.axes import voxel_size
 from napari_unpack.geometry.boxes import bounding_box
-from napari_unpack.segmentation.common.validation import checked_labels, checked_spacing
+from napari_unpack.segmentation.common.validation import checked_labels
 
 # Least precision and recall of a detected object, and of a detected sheet: ALERT's rule.
 BULK, SHEET = 0.5, 0.2
@@ -291,7 +292,7 @@ def score_objects(
     both ways between boundary voxels: their mean, and the larger of the two 95 % quantiles.
     """
     true, seen = _checked(truth, found)
-    size = checked_spacing(spacing)
+    size = voxel_size(spacing)
     overlaps = Overlaps.of(true, seen)
     ids, kept = overlaps.true_ids[1:], overlaps.of_objects
     rows, columns, iou = overlaps.rows[kept], overlaps.columns[kept], overlaps.iou()[kept]

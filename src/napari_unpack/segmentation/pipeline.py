@@ -12,6 +12,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import binary_dilation
 
+from napari_unpack.geometry.axes import voxel_size
 from napari_unpack.segmentation.block_workers import BlockWorkers
 from napari_unpack.segmentation.common.array_source import Source, source_of
 from napari_unpack.segmentation.common.block_jobs import RunBlocks, run_in_turn, run_on_threads
@@ -29,7 +30,6 @@ from napari_unpack.segmentation.common.validation import (
     check_out,
     check_room,
     check_smallest,
-    checked_spacing,
     checked_volume,
     in_common_range,
     padding_of,
@@ -222,7 +222,7 @@ def segment(
             f"oracle must be None or a function of a region, as Oracle.load gives, got {oracle!r}"
         )
     source = source_of(volume)
-    size = checked_spacing(spacing)
+    size = voxel_size(spacing)
     level = checked_foreground(foreground)
     if method == "affinity":
         raise ValueError('method="affinity" is gone; use method="learned" or method="cuts"')

@@ -79,7 +79,7 @@ def split_between(
     new_id : int
         The smaller part's; the larger keeps the object's.
     """
-    one = int(labels[tuple(np.asarray(a).astype(int))])
+    one = int(labels[tuple(a)])
     box = boxes.slices(one)
     first = np.array([part.start for part in box])
     mask = labels[box] == one

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from napari_unpack.geometry.axes import is_integer
+from napari_unpack.geometry.axes import is_integer, voxel_size
 from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.geometry.masks import unmasked
 from napari_unpack.geometry.relabeling import MOST_OBJECTS, compact_labels
@@ -20,7 +20,6 @@ from napari_unpack.segmentation.common.validation import (
     Spacing,
     checked_form,
     checked_labels,
-    checked_spacing,
 )
 from napari_unpack.segmentation.confidence.examples import FEWEST, SMALLEST, usable_examples
 from napari_unpack.segmentation.confidence.features import features
@@ -194,7 +193,7 @@ def train_on_examples(
             f"an oracle needs at least {FEWEST} examples of {SMALLEST} voxels or more to be "
             f"trained on; of {len(wanted)} marked, {usable} are that large"
         )
-    bag = _Examples(np.asarray(volume), kept, checked_spacing(spacing))
+    bag = _Examples(np.asarray(volume), kept, voxel_size(spacing))
     return train([bag], progress=progress)
 
 
@@ -228,7 +227,7 @@ def oracle_examples(
     if labels is None or labels.shape != volume.shape or not labels.any():
         raise ValueError("a volume to learn from needs labels of its own shape; segment it first")
     checked_form(volume.shape, volume.dtype)
-    labels, size = checked_labels(labels, "labels"), checked_spacing(bag.spacing)
+    labels, size = checked_labels(labels, "labels"), voxel_size(bag.spacing)
     if labels.max() > MOST_OBJECTS:
         # Tables have a row for each ID up to the largest.
         labels = compact_labels(labels)[0]

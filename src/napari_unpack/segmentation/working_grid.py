@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.array_source import Box, Source, blocks
 from napari_unpack.segmentation.common.block_jobs import BlockJob, RunBlocks, run_on_threads
-from napari_unpack.segmentation.common.validation import Spacing
+from napari_unpack.segmentation.common.validation import Spacing, constant_volume
 from napari_unpack.segmentation.foreground.thresholds import MOST_SAMPLES
 from napari_unpack.tasks import SILENT, Share
 
@@ -117,9 +117,7 @@ def reduced(
     if low > high:
         raise ValueError("volume has no finite value: all of it is NaN or infinite")
     if low == high:
-        raise ValueError(
-            f"volume is constant ({low:g} everywhere): there is nothing to tell apart in it"
-        )
+        raise constant_volume(low)
     z, y, x = (s * f for s, f in zip(spacing, factors, strict=True))
     return WorkingGrid(means, factors, (z, y, x), sample)
 

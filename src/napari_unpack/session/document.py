@@ -14,7 +14,7 @@ from napari_unpack.appearance import Decorations
 from napari_unpack.appearance.tints import Mode
 from napari_unpack.geometry.axes import Matrix, Vector, is_integer
 from napari_unpack.geometry.length_unit import LengthUnit
-from napari_unpack.geometry.transforms import Pose
+from napari_unpack.geometry.transforms import Pose, checked_place
 from napari_unpack.geometry.view import Camera, View
 from napari_unpack.rendering.validation import MOST_PLANES
 from napari_unpack.session import commands
@@ -433,12 +433,13 @@ def begin_at(document: Document, first_voxel_mm: ArrayLike) -> None:
 
 
 def lie_in(document: Document, scanner: ArrayLike | None) -> None:
-    """Take over where surfaces of a bag belong; `ValueError` if that is no matrix.
+    """Take over where surfaces of a bag belong; `ValueError` if it does more than turn and move.
 
     Parameters
     ----------
     document : Document
     scanner : (4, 4) array_like of float, optional
     """
-    given = None if scanner is None else checked_array(scanner, (4, 4), "scanner_from_scan")
-    document.scanner_from_scan = given
+    name = "scanner_from_scan"
+    given = None if scanner is None else checked_array(scanner, (4, 4), name)
+    document.scanner_from_scan = checked_place(given, name)

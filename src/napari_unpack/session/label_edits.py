@@ -24,7 +24,7 @@ from napari_unpack.session import commands
 from napari_unpack.session.errors import OutsideError, listed_objects
 from napari_unpack.session.labels import Confidence, LabelData, Rating, touched_between
 from napari_unpack.session.measurements import owner_after
-from napari_unpack.session.validation import MOST_ID, checked_ids
+from napari_unpack.session.validation import MOST_ID, checked_ids, whole_numbers
 from napari_unpack.tasks import Progress, Share, Task
 
 if TYPE_CHECKING:
@@ -227,19 +227,15 @@ class LabelEditor:
         (object_id,) = checked_ids(object_id, now.known, "object_id")
         self._refuse_outside([object_id])
         # Checked here and not in the task: a refusal comes at once, beside the click.
-        for name, point in (("a", a), ("b", b)):
-            spot = np.asarray(point)
-            inside = spot.shape == (3,) and ((spot >= 0) & (spot < now.labels.shape)).all()
-            if not inside or now.labels[tuple(spot.astype(int))] != object_id:
-                raise ValueError(f"{name} must be a voxel of object {object_id}, got {point}")
-        if np.array_equal(np.asarray(a).astype(int), np.asarray(b).astype(int)):
+        one, two = (_voxel(now, object_id, spot, name) for name, spot in (("a", a), ("b", b)))
+        if one == two:
             raise ValueError(f"a and b must be two different voxels, got {a} twice")
         new_id = _unused_id(now)
         volume, mm = session.volume, session.spacing.tolist()
         return self._task(
             "split",
             lambda data: (
-                split_between(data.labels, data.boxes, volume, mm, a, b, new_id),
+                split_between(data.labels, data.boxes, volume, mm, one, two, new_id),
                 data.given_ids,
             ),
         )
@@ -493,6 +489,19 @@ def _own_ids(
     place = np.argsort(known)
     found = np.asarray(own[place][np.searchsorted(known[place], painted)])
     return found, np.concatenate([given_ids, fresh])
+
+
+def _voxel(now: LabelData, object_id: int, point: Sequence[int], name: str) -> tuple[int, ...]:
+    """Return a voxel of an object as plain numbers; `ValueError` where it is none."""
+    spot = whole_numbers(point, 3)
+    inside = spot is not None and all(
+        0 <= i < n for i, n in zip(spot, now.labels.shape, strict=True)
+    )
+    if spot is None or not inside or now.labels[spot] != object_id:
+        raise ValueError(
+            f"{name} must be a voxel of object {object_id}, whole numbers z y x, got {point}"
+        )
+    return spot
 
 
 def _unused_id(data: LabelData) -> int:

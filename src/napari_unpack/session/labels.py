@@ -225,12 +225,11 @@ def _measure(
     """Return by ID the mean density (top + 1,) and the centre of mass (top + 1, 3) in voxels."""
     # By ID: voxels, sums of z, y, x, sum of finite densities, and how many those are.
     numbers = np.zeros((top + 1, 6))
-    # Plane by plane: the whole scan as float32 would be a second one in memory.
+    # Single precision where it holds every number: one far from 0 would be rounded by thousands.
+    dtype = np.float32 if np.can_cast(volume.dtype, np.float32) else np.float64
+    # Plane by plane: the whole scan as such numbers would be a second one in memory.
     for z in range(labels.shape[0]):
-        plane = np.asarray(volume[z])
-        if plane.dtype.kind not in "uif" or plane.dtype.itemsize not in (1, 2, 4, 8):
-            plane = plane.astype(np.float64)
-        _add_plane(plane.astype(np.float32, copy=False), labels[z], z, numbers)
+        _add_plane(np.asarray(volume[z]).astype(dtype, copy=False), labels[z], z, numbers)
     with np.errstate(invalid="ignore", divide="ignore"):
         return numbers[:, 4] / numbers[:, 5], numbers[:, 1:4] / numbers[:, :1]
 

@@ -347,6 +347,20 @@ def checked_stretch(
     return found
 
 
+def whole_numbers(values: object, count: int) -> tuple[int, ...] | None:
+    """Return so many whole numbers as plain ones; None where they are anything else.
+
+    Parameters
+    ----------
+    values : object
+        5.0 is whole as well; True is none.
+    count : int
+    """
+    found: list[Any] = list(values) if np.iterable(values) else []
+    whole = [is_integer(n) or (isinstance(n, float) and n.is_integer()) for n in found]
+    return tuple(int(n) for n in found) if len(found) == count and all(whole) else None
+
+
 def checked_size(size: Sequence[int]) -> tuple[int, int]:
     """Return height and width of a window in pixels.
 
@@ -355,14 +369,13 @@ def checked_size(size: Sequence[int]) -> tuple[int, int]:
     ValueError
         If they are not two whole numbers from 1 to `WIDEST`.
     """
-    found: list[Any] = list(size) if np.iterable(size) else []
-    whole = [is_integer(n) or (isinstance(n, float) and n.is_integer()) for n in found]
-    if len(found) != 2 or not all(whole) or not all(0 < n <= WIDEST for n in found):
+    found = whole_numbers(size, 2)
+    if found is None or not all(0 < n <= WIDEST for n in found):
         raise ValueError(
             "canvas_size must be height and width, two whole numbers of pixels from 1 to "
             f"{WIDEST}, got {size!r}"
         )
-    return int(found[0]), int(found[1])
+    return found[0], found[1]
 
 
 def checked_planes(planes: ArrayLike | None) -> NDArray[np.float64]:

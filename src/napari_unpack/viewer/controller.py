@@ -22,6 +22,7 @@ from napari_unpack.layers.sprite_layer import SpriteLayer
 from napari_unpack.layers.transition_layer import TransitionLayer
 from napari_unpack.layers.view_camera import Frame
 from napari_unpack.rendering.backends import checked_backend
+from napari_unpack.rendering.gl.depth_quads import Quad
 from napari_unpack.tasks import Task
 from napari_unpack.viewer.animation import HueFade
 from napari_unpack.viewer.background_queries import BackgroundQueries
@@ -158,7 +159,8 @@ class SessionController:
         )
         repaint, shows = self.transition.repaint, self.packed.shows
         self.overlays = Overlays(session, self.scheduler, repaint, shows)
-        self.transition.overlays = self.overlays.quads_at
+        for layer in (self.packed, self.transition):
+            layer.overlays = partial(_drawn_over, self, layer)
         scale = self.pixel_scale
         self.names = SpriteNames(session, self.sprites, scale, repaint)
         self.rulers = RulerDrawing(self, scale, repaint)
@@ -476,6 +478,15 @@ class SessionController:
         still = self.framing.settled or self.flying
         drawn = still and self.renderer.settled and self.overlays.settled
         return drawn and not (self.scheduler.busy or pending)
+
+
+def _drawn_over(
+    one: SessionController, layer: PackedLayer | TransitionLayer, frame: Frame
+) -> Sequence[Quad]:
+    """Return what is drawn over the bag, once: with its own layer where that stands apart."""
+    # In napari's grid every layer has a view of its own.
+    apart = one.viewer.canvas.grid.enabled and one.packed.visible
+    return one.overlays.quads_at(frame) if apart == (layer is one.packed) else ()
 
 
 def _let_go(session: Session, before: tuple[bool, str]) -> None:

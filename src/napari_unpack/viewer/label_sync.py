@@ -199,6 +199,7 @@ class LabelSync:
     def _compare(self) -> None:
         layer = self._painted
         if layer is None or layer not in self._layers or not self._fits(layer):
+            self._stroke = False
             return
         if self._refusal:
             self._give_up(ValueError(self._refusal))

@@ -73,6 +73,9 @@ class SpriteNames:
         sprites = self._sprites
         if not self._shown or not sprites.visible or sprites.dimming < 1.0:
             return ()
+        # In napari's grid sprites have a view of their own.
+        if sprites.frame is not None and sprites.frame.corner != frame.corner:
+            return ()
         return [quad for _, _, quad in self.written_at(frame)]
 
     def written_at(self, frame: Frame) -> Sequence[Written]:

@@ -20,6 +20,7 @@ from napari_unpack.widgets.contributions import told_of_file
 from napari_unpack.widgets.file_names import FileNames, ask_where_to_write
 from napari_unpack.widgets.large_files import ask_about_size
 from napari_unpack.widgets.preferences import preferences
+from napari_unpack.widgets.repair_tools import RepairTools
 from napari_unpack.widgets.section import Collapsible, Section, button, form, row
 from napari_unpack.widgets.task_progress import TaskProgress
 from napari_unpack.widgets.unsaved_work import Call, UnsavedWork
@@ -252,11 +253,13 @@ class FilesSection(Section):
     workspace : Workspace
     unsaved : UnsavedWork
         Asked before a session is opened in place of another, and told what is saved.
+    repair : RepairTools
+        What is written waits for it.
     """
 
-    def __init__(self, workspace: Workspace, unsaved: UnsavedWork) -> None:
+    def __init__(self, workspace: Workspace, unsaved: UnsavedWork, repair: RepairTools) -> None:
         super().__init__("5", "Files")
-        self._workspace, self._unsaved = workspace, unsaved
+        self._workspace, self._unsaved, self._repair = workspace, unsaved, repair
         unsaved.save = self._ask_save
         self._names = FileNames()
         self._then: Callable[[Any], None] = lambda result: None
@@ -335,6 +338,24 @@ class FilesSection(Section):
         session: Session,
         then: Call = lambda: None,
         cancelled: Call = lambda: None,
+    ) -> None:
+        write = partial(self._write, path, refer, controller, session, then, cancelled)
+        self._once_repaired(write)
+
+    def _once_repaired(self, write: Call) -> None:
+        """Write what the session is once the last repair or stroke is in it."""
+        if self._repair.running:
+            self.set_status("Written once the last repair is done")
+        self._repair.once_done(write)
+
+    def _write(
+        self,
+        path: str | Path,
+        refer: bool,
+        controller: SessionController,
+        session: Session,
+        then: Call,
+        cancelled: Call,
     ) -> None:
         from napari_unpack.io import save_session
         from napari_unpack.io.headless import snapshot
@@ -433,12 +454,14 @@ class FilesSection(Section):
         kind : Export
         path : str or Path
         """
+        controller = self._workspace.controller
+        if controller is not None:
+            self._once_repaired(partial(self._export, kind, path, controller))
+
+    def _export(self, kind: Export, path: str | Path, controller: SessionController) -> None:
         from napari_unpack.io.headless import snapshot
         from napari_unpack.layers.placement import standing
 
-        controller = self._workspace.controller
-        if controller is None:
-            return
         session, size = controller.session, (self.height_px.value(), self.width_px.value())
         options = ExportOptions(
             size,

@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 
 SLOT = "repair"
 
+# Between two looks whether a stroke is in the session.
+WAIT_MS = 100
+
 # A repair would change the sprite of an unpacked object under the user's hand.
 REPAIRABLE = frozenset({ObjectState.PACKED, ObjectState.HIDDEN})
 
@@ -59,6 +62,8 @@ class RepairTools(QObject):
         self._called_off: Task[Any] | None = None
         # A repair that is asked for while a stroke is compared, which nobody waits for.
         self._next: Callable[[], None] | None = None
+        # What is to be done of labels that hold all repairs.
+        self._waiting: list[Callable[[], None]] = []
         workspace.switched.connect(self._follow)
 
     @property
@@ -67,6 +72,12 @@ class RepairTools(QObject):
         return self._workspace.scheduler.has(SLOT) or (
             self._label_sync is not None and self._label_sync.pending
         )
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether a repair that was asked for, or a brush stroke, is not in the session yet."""
+        stroke = self._label_sync is not None and self._label_sync.has_stroke
+        return self._asked is not None or self._next is not None or stroke
 
     @property
     def painted(self) -> tuple[Labels, ...]:
@@ -78,6 +89,11 @@ class RepairTools(QObject):
         """Whether the session does not know yet what was painted, and nothing else is asked."""
         asked = self._asked is not None or self._next is not None
         return not asked and self._label_sync is not None and self._label_sync.has_stroke
+
+    def once_done(self, then: Callable[[], None]) -> None:
+        """Do something once the session holds all repairs and strokes; at once where it does."""
+        self._waiting.append(then)
+        self._call_waiting()
 
     def split_by_clicks(self) -> None:
         """Wait for two clicks on one object; a second call stops waiting."""
@@ -212,6 +228,16 @@ class RepairTools(QObject):
         following, self._next = self._next, None
         if following is not None:
             following()
+        self._call_waiting()
+
+    def _call_waiting(self) -> None:
+        if self._waiting and self.running:
+            # A stroke may turn out to be none, which nobody tells.
+            self._workspace.scheduler.debounce(WAIT_MS, self._call_waiting)
+            return
+        waiting, self._waiting = self._waiting, []
+        for call in waiting:
+            call()
 
     def _end(self, task: Task[Any]) -> None:
         # What runs next may be a stroke, which nobody asked for here.

@@ -116,7 +116,8 @@ class UnpackingWidget(QWidget):
         self.color = ColorSection(self.workspace, self.commands)
         self.unpack = UnpackSection(self.workspace, self.commands, self.planner)
         self.objects = ObjectsSection(self.workspace, self.commands, self.planner)
-        self.files = FilesSection(self.workspace, self.unsaved)
+        self.files = FilesSection(self.workspace, self.unsaved, self.objects.repair)
+        self.unsaved.unfinished = lambda: self.objects.repair.unfinished
         # After the sections: what the panel itself sets in a session is no work of a person.
         self.workspace.switched.connect(self.unsaved.follow)
         self.segment.progress.next_steps = (self.segment.start, self.unpack.next)

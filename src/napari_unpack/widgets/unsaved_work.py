@@ -62,6 +62,8 @@ class UnsavedWork(QObject):
     save : callable
         Given what to do once the session is saved, and what to do if it is not, asks where to and
         saves.
+    unfinished : callable
+        Tells whether something that was done is not in the session yet.
     question : QMessageBox or None
         The one that is shown.
     """
@@ -77,6 +79,7 @@ class UnsavedWork(QObject):
         self._waiting: list[tuple[Call, Call]] = []
         self._quitting = False
         self.save: Callable[[Call, Call], None] = lambda then, cancelled: None
+        self.unfinished: Callable[[], bool] = lambda: False
         self.question: QMessageBox | None = None
 
     @property
@@ -85,7 +88,8 @@ class UnsavedWork(QObject):
         session, known = self._document()
         if session is None or known is None:
             return False
-        return _work_of(session) not in (known.saved, known.given_up)
+        work = _work_of(session)
+        return work != known.given_up and (work != known.saved or self.unfinished())
 
     @property
     def worth_keeping(self) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -38,10 +37,16 @@ def checked_volume(volume: ArrayLike) -> NDArray[np.generic]:
     array = array.astype(block_dtype(array.dtype), copy=False)
     low, high = _finite_range(array)
     if not low < high:
-        raise ValueError(
-            f"volume is constant ({low:g} everywhere): there is nothing to tell apart in it"
-        )
+        raise constant_volume(low)
     return array
+
+
+def constant_volume(value: float) -> ValueError:
+    """Return the error of a volume that is the same everywhere."""
+    # -0 is 0.
+    return ValueError(
+        f"volume is constant ({value + 0.0:g} everywhere): there is nothing to tell apart in it"
+    )
 
 
 def checked_form(shape: tuple[int, ...], dtype: np.dtype[Any]) -> tuple[int, int, int]:
@@ -293,17 +298,6 @@ def _place_of(array: Any) -> Any:
     while base is not None and getattr(base, "filename", None) is None:
         base = getattr(base, "base", None)
     return id(array) if base is None else os.path.realpath(base.filename)
-
-
-def checked_spacing(spacing: Sequence[float] | ArrayLike) -> Spacing:
-    """Return a voxel size as three floats.
-
-    Raises
-    ------
-    ValueError
-        If it is not three positive finite numbers.
-    """
-    return axes.triple(axes.checked_spacing(spacing))
 
 
 def checked_labels(labels: ArrayLike, name: str) -> NDArray[np.integer]:

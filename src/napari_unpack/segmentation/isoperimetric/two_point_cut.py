@@ -9,9 +9,10 @@ import edt
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from napari_unpack.geometry.axes import voxel_size
 from napari_unpack.geometry.boxes import bounding_box
 from napari_unpack.segmentation.common.flooding import flood
-from napari_unpack.segmentation.common.validation import Spacing, checked_spacing
+from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.isoperimetric.distance_tree import isoperimetric_ratio, two_sides
 from napari_unpack.segmentation.isoperimetric.lattice import Lattice
 from napari_unpack.segmentation.isoperimetric.multiresolution import carried_back, coarsened
@@ -49,7 +50,7 @@ def cut_between(
     # step, or half-way where there is neither. Shapes above 40,000 voxels are solved in blocks and
     # the cut is settled at full resolution. Where a and b do not hang together, the part is b's
     # component.
-    shape, size = np.asarray(mask, np.bool_), checked_spacing(spacing)
+    shape, size = np.asarray(mask, np.bool_), voxel_size(spacing)
     one, two = _checked(shape, "a", a), _checked(shape, "b", b)
     if one == two:
         raise ValueError(f"a and b must be two different voxels, got {one} twice")
