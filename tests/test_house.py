@@ -41,7 +41,7 @@ KNOWN = frozenset(
 # Limits of what review forgets. Lower them as the code gets there; modules and lines rise only
 # with features and faults that are mended, in the commit that ends them.
 MODULES = 404
-LINES = 82200
+LINES = 82300
 LARGE_CLASSES = 2
 COMMENTS_PER_100_LINES = 3
 UNTYPED = 5
