@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from napari_unpack.segmentation.common.validation import checked_spacing
+from napari_unpack.geometry.axes import voxel_size
 from napari_unpack.segmentation.foreground.denoising import is_noisy, without_noise_and_haze
 from napari_unpack.segmentation.foreground.thresholds import above_levels, find_levels, peel
 
@@ -26,7 +26,7 @@ MOST_WALKED = 100_000
 def foreground_of(volume: NDArray[Any], spacing: Any) -> NDArray[np.bool_]:
     """Return the foreground that every method is given; of a grainy volume, what is left of it."""
     if is_noisy(volume):
-        volume = without_noise_and_haze(volume, checked_spacing(spacing))
+        volume = without_noise_and_haze(volume, voxel_size(spacing))
     levels = find_levels(volume)
     return np.asarray(peel(above_levels(volume, levels), volume, levels.air))
 
