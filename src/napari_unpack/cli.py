@@ -184,7 +184,7 @@ def _segment(
             min=1,
             metavar="MILLIONS",
             help="Of Zarr to Zarr: voxels that a larger volume is reduced to, in which objects are "
-            "found; 16 by default, more where many small things are in it.",
+            "found; by default 16, and up to 128 where many small things are in it.",
         ),
     ] = None,
     spacing: SpacingOption = None,

@@ -8,8 +8,12 @@ from phantoms import box, packed, scanned, two_balls
 from scipy import ndimage
 
 from napari_unpack import tasks
-from napari_unpack.segmentation import score, segment
+from napari_unpack.segmentation import pipeline, score, segment
 from napari_unpack.segmentation.common.region import fewest_voxels
+
+
+def sure(_region):
+    return 1.0
 
 
 def test_two_overlapping_balls_of_one_material_become_two_objects():
@@ -186,15 +190,24 @@ def jar(shape: tuple[int, int, int], radius: float) -> tuple[np.ndarray, np.ndar
 
 
 def test_beads_that_touch_are_found_one_by_one_though_no_bag_has_so_many_small_things():
-    volume, truth = jar((72, 72, 72), 6.5)
-    # Merging parts, as in a bag, left 0.6 of it.
-    assert score(truth, segment(volume).labels)["f1"] > 0.97
+    volume, truth = jar((60, 60, 60), 6.5)
+    # Merging parts, as in a bag, left less than 0.6 of it.
+    assert score(truth, segment(volume, oracle=sure).labels)["f1"] > 0.97
+
+
+def test_beads_too_small_for_the_reduced_volume_are_looked_for_on_a_finer_one(monkeypatch):
+    volume, truth = jar((60, 60, 60), 6.5)
+    monkeypatch.setattr(pipeline, "WORKING_VOXELS", 30**3)
+    # On the reduced one F1 is below 0.1.
+    assert score(truth, segment(volume, oracle=sure).labels)["f1"] > 0.97
+    few = segment(volume, oracle=sure, working=30**3)
+    assert score(truth, few.labels)["f1"] < 0.5
 
 
 def test_beads_below_the_size_of_the_least_object_of_a_bag_stay_apart_unless_it_is_asked_for():
     # Of up to 460 voxels.
-    volume, truth = jar((56, 56, 56), 4.8)
-    by_default, asked = segment(volume), segment(volume, smallest=500.0)
+    volume, truth = jar((48, 48, 48), 4.8)
+    by_default, asked = (segment(volume, oracle=sure, smallest=s) for s in (None, 500.0))
     assert len(by_default.objects) > 1.5 * len(asked.objects)
     # The network sees little in so few voxels.
     assert score(truth, by_default.labels)["f1"] > 2 * score(truth, asked.labels)["f1"]
@@ -212,16 +225,15 @@ def test_a_size_that_much_of_the_matter_is_below_is_no_measure_of_it(side, fewes
 
 
 def test_specks_are_dropped_and_ten_thousand_of_them_do_not_hang():
-    shape = (80, 80, 80)
-    volume = np.random.default_rng(0).normal(0, 10, shape)
-    volume[::4, ::4, ::4] = 1000
-    volume[30:60, 30:60, 30:60] = 1000
+    volume = np.random.default_rng(0).normal(0, 10, (64, 64, 64))
+    volume[::3, ::3, ::3] = 1000
+    volume[24:48, 24:48, 24:48] = 1000
     # So many specks are taken for noise, unless it is said that there is none.
     assert len(segment(volume).objects) == 1
     found = segment(volume, grainy=False)
     assert len(found.objects) == 1
-    # On three of its faces the cube touches seven by seven specks, which are part of it.
-    assert found.objects.voxels[1] == pytest.approx(30**3 + 3 * 7**2, rel=0.02)
+    # On three of its faces the cube touches eight by eight specks, which are part of it.
+    assert found.objects.voxels[1] == pytest.approx(24**3 + 3 * 8**2, rel=0.02)
 
 
 def test_one_object_that_fills_all_but_a_corner_is_one_object():

@@ -101,3 +101,15 @@ def test_the_same_wall_run_through_the_whole_scan_is_one() -> None:
     found = find_supports(_wall(ends=0), (2.0, 2.0, 2.0))
     assert found[:, 60:62, 20:120].all()
     assert not found[20:80, 20:55, 40:100].any()
+
+
+@pytest.mark.parametrize("seed", [1, 5, 6])
+def test_a_table_is_found_among_specks_that_reach_the_last_pixel_of_the_section(seed: int) -> None:
+    # Of masks like these cc3d 4.1 labels pixels that are none, unless they are given as bytes.
+    section = np.random.default_rng(seed).random((108, 83)) < 0.01
+    section[-8:-4] = section[107, 82] = True
+    foreground = np.repeat(section[None], 60, axis=0)
+    foreground[8:52, 30:95, 10:70] = True
+    found = find_supports(foreground, (3.0, 3.0, 3.0))
+    assert found[:, -8:-4].all()
+    assert not found[:, 40:80, 20:60].any()

@@ -79,7 +79,6 @@ def segment_zarr(
         If workers end again and again, as their memory is used up.
     """
     from napari_unpack.segmentation import segment
-    from napari_unpack.segmentation.working_grid import WORKING_VOXELS
 
     with read_errors_told(source, "a Zarr image"):
         array, stored = stored_volume(source)
@@ -109,7 +108,7 @@ def segment_zarr(
                 progress=progress,
                 smallest=smallest,
                 grainy=grainy,
-                working=working or WORKING_VOXELS,
+                working=working,
                 out=labels,
                 client=client,
             )

@@ -395,7 +395,9 @@ def named_things(
         cells (26 neighbours) hold enough voxels; else of the object they touch most; else 0.
     """
     # Two thin things that pass through neighbouring cells are one here.
-    found, count = cc3d.connected_components(unexplained > 0, connectivity=26, return_N=True)
+    # As bytes: cc3d 4.1 stumbles over a mask of bool in a row of cells.
+    mask = (unexplained > 0).view(np.uint8)
+    found, count = cc3d.connected_components(mask, connectivity=26, return_N=True)
     pieces: NDArray[np.int32] = found.astype(np.int32)
     owner = np.zeros(count + 1, np.int32)
     if not count:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import prod
 from typing import Any
@@ -12,11 +11,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from napari_unpack.memory import check_memory
+from napari_unpack.memory import check_memory, free_memory
 from napari_unpack.segmentation.common.array_source import Box, Source, blocks, grown, within
 from napari_unpack.segmentation.common.block_jobs import BlockJob, RunBlocks, run_on_threads
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS, Oracle
 from napari_unpack.segmentation.common.validation import Spacing, check_room, padding_of
+from napari_unpack.segmentation.finer_grid import finer_grid
 from napari_unpack.segmentation.foreground.denoising import needs_denoising
 from napari_unpack.segmentation.foreground.methods import find_foreground, foreground_levels
 from napari_unpack.segmentation.foreground.scanner_table import measured_section
@@ -31,6 +31,7 @@ from napari_unpack.segmentation.object_table import ObjectSums, confidences, ran
 from napari_unpack.segmentation.working_grid import (
     BLOCK,
     WORKING_VOXELS,
+    Find,
     WorkingGrid,
     reduced,
     reduction,
@@ -41,8 +42,6 @@ from napari_unpack.tasks import Progress, Share
 # labels, masks and what is left over.
 GRID_BYTES = 45
 
-Find = Callable[[NDArray[Any], Spacing, Progress], NDArray[np.int32]]
-
 
 def segment_large(
     source: Source,
@@ -51,6 +50,7 @@ def segment_large(
     progress: Progress,
     *,
     working: int,
+    finest: int,
     foreground: str | float,
     fewest: int,
     grainy: bool | None = None,
@@ -64,12 +64,15 @@ def segment_large(
     ----------
     source : Source
     spacing : (float, float, float) of mm, z y x
-    find : callable
-        `find(density, spacing, progress) -> labels` finds the objects of the working grid.
+    find : Find
+        Finds the objects of the working grid.
     progress : callable
         Called from this thread only.
     working : int
         Cells of the working grid at most.
+    finest : int
+        Cells at most of a finer one, for objects that are too small for the first; see
+        `finer_grid`.
     foreground : str or float
         See `methods.checked_foreground`.
     fewest : int
@@ -101,20 +104,21 @@ def segment_large(
     # Single bright voxels so many that every cell has a neighbour with one are a haze on the grid,
     # and may come out as an object.
     share = Share(progress)
-    begun = share.part(0.0, 0.02, "Reducing the volume")
-    factors = reduction(source.shape, spacing, working)
-    count = prod(-(-n // f) for n, f in zip(source.shape, factors, strict=True))
-    if count > WORKING_VOXELS:
-        remedy = "pass a smaller working"
-        check_memory(f"finding objects in {count:,} cells", GRID_BYTES * count, remedy)
-    grid = reduced(source, spacing, factors, BLOCK, begun, run)
-    padding = padding_of(grid.sample)
-    if padding is not None:
-        source = replace(source, padding=padding)
-        grid = reduced(source, spacing, factors, BLOCK, share.part(0.02, 0.03), run)
+    begun = share.part(0.0, 0.03, "Reducing the volume")
+    grid, source = _working_grid(source, spacing, working, begun, run)
     levels = foreground_levels(grid.sample, foreground)
-    labels = find(grid.density, grid.spacing, share.part(0.03, 0.6, "Looking at the volume"))
-    refining = share.part(0.6, 0.9, "Refining the borders")
+    labels = find(grid.density, grid.spacing, share.part(0.03, 0.55, "Looking at the volume"))
+    # Half of it: several may be at work.
+    most = min(finest, int(free_memory()) // (2 * GRID_BYTES))
+    if working < most > labels.size:
+        closer = share.part(0.55, 0.58, "Looking closer at a part")
+        finer = finer_grid(source, spacing, labels, grid.factors, find, most, closer)
+        if finer is not None:
+            again = share.part(0.58, 0.6, "Reducing the volume less")
+            grid, source = _working_grid(source, spacing, finer, again, run)
+            seen = share.part(0.6, 0.7, "Looking closer at the volume")
+            labels = find(grid.density, grid.spacing, seen)
+    refining = share.part(0.7, 0.9, "Refining the borders")
     hidden = needs_denoising(grid.density, foreground) if grainy is None else grainy
     looking = refining.part(0.0, 0.1)
     left_out = labels == 0 if hidden else _left_out(grid, labels, foreground, looking)
@@ -154,6 +158,23 @@ def segment_large(
     table = sums.table(spacing, confidence)
     table.index = pd.Index(names[table.index.to_numpy()].astype(np.int64), name="id")
     return out, table.sort_index()
+
+
+def _working_grid(
+    source: Source, spacing: Spacing, working: int, share: Share, run: RunBlocks
+) -> tuple[WorkingGrid, Source]:
+    """Return the reduced volume, and the source that knows its padding."""
+    factors = reduction(source.shape, spacing, working)
+    count = prod(-(-n // f) for n, f in zip(source.shape, factors, strict=True))
+    if count > WORKING_VOXELS:
+        remedy = "pass a smaller working"
+        check_memory(f"finding objects in {count:,} cells", GRID_BYTES * count, remedy)
+    grid = reduced(source, spacing, factors, BLOCK, share.part(0.0, 0.67), run)
+    padding = padding_of(grid.sample)
+    if padding is not None:
+        source = replace(source, padding=padding)
+        grid = reduced(source, spacing, factors, BLOCK, share.part(0.67, 1.0), run)
+    return grid, source
 
 
 def measured_objects(

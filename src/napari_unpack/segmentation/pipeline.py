@@ -74,6 +74,9 @@ from napari_unpack.tasks import Progress, Share, beside, relayed
 METHODS = ("learned", "cuts")
 # Folds of cloth are at most this many times as dense as the median of the foreground.
 FOLD_DENSITY = 2.2
+# Times the usual working grid, for small objects: as many voxels as 512 in each direction, which
+# take ten times as long.
+FINEST = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +153,7 @@ def segment(
     step: float = 0.11,
     rule: SplitRule | None = None,
     judge: None = None,
-    working: int = WORKING_VOXELS,
+    working: int | None = None,
     out: Any = None,
     client: Any = None,
 ) -> Segmentation:
@@ -194,11 +197,12 @@ def segment(
         When method "cuts" may split.
     judge : None
         Refused: it belonged to the method "affinity", which is gone.
-    working : int
+    working : int, optional
         Larger volumes are reduced to so many voxels at most, on which the objects are found;
-        their labels are then refined to full resolution; see `large_volumes`. More than 16 million
-        keep what is small in a large volume: its objects are then found in blocks that overlap;
-        see `overlapping_blocks`.
+        their labels are then refined to full resolution; see `large_volumes`. By default 16
+        million, but up to 128 million for objects too small to be told apart on these, such as the
+        beads of a large jar; see `finer_grid`. More than 16 million are looked at in blocks that
+        overlap; see `overlapping_blocks`.
     out : (Z, Y, X) array of int, optional
         Where labels are written and which is then `.labels`: an ndarray, memory map or zarr
         array. By default a new ndarray of int32.
@@ -245,12 +249,12 @@ def segment(
     return relayed(work, progress)
 
 
-def _check_sizes(smallest: float | None, step: float, working: int) -> None:
+def _check_sizes(smallest: float | None, step: float, working: int | None) -> None:
     check_smallest(smallest)
     if not 0 < step < np.inf:
         raise ValueError(f"step must be a positive difference of log density, got {step!r}")
     # Fewer voxels hold no objects of 100 voxels.
-    if not working >= MIN_OBJECT_VOXELS:
+    if working is not None and not working >= MIN_OBJECT_VOXELS:
         raise ValueError(
             f"working must be a number of voxels, {MIN_OBJECT_VOXELS} or more, got {working!r}"
         )
@@ -261,12 +265,13 @@ def _segmented(
     size: Spacing,
     wanted: SegmentOptions,
     share: Share,
-    working: int,
+    working: int | None,
     out: Any,
     workers: BlockWorkers | None,
 ) -> Segmentation:
     oracle = wanted.oracle
-    if source.size > min(working, WORKING_VOXELS):
+    most = WORKING_VOXELS if working is None else working
+    if source.size > min(most, WORKING_VOXELS):
         reading = workers.run if workers else run_on_threads
         looking = workers.run if workers else run_in_turn
         find = partial(_segment_grid, options=wanted, run=looking)
@@ -277,7 +282,8 @@ def _segmented(
                 size,
                 find,
                 share,
-                working=working,
+                working=most,
+                finest=FINEST * WORKING_VOXELS if working is None else most,
                 foreground=wanted.foreground.method,
                 grainy=wanted.grainy,
                 fewest=fewest,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +14,7 @@ from napari_unpack.segmentation.common.array_source import Box, Source, blocks
 from napari_unpack.segmentation.common.block_jobs import BlockJob, RunBlocks, run_on_threads
 from napari_unpack.segmentation.common.validation import Spacing, constant_volume
 from napari_unpack.segmentation.foreground.thresholds import MOST_SAMPLES
-from napari_unpack.tasks import SILENT, Share
+from napari_unpack.tasks import SILENT, Progress, Share
 
 # Voxels that are segmented whole, a bag of 250 in each direction.
 WORKING_VOXELS = 16_000_000
@@ -21,6 +22,9 @@ WORKING_VOXELS = 16_000_000
 BLOCK = 16_000_000
 
 Factors = tuple[int, int, int]
+
+Find = Callable[[NDArray[Any], Spacing, Progress], NDArray[np.int32]]
+"""`find(density, spacing, progress) -> labels` finds the objects of a grid."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -83,7 +83,7 @@ def without_streaks(
     """
     dropped = streaks[labels]
     solid = dropped & (density > scale.air + np.expm1(SOLID_METAL) * scale.knee)
-    pieces = cc3d.connected_components(solid, connectivity=26).astype(np.int32)
+    pieces = cc3d.connected_components(solid.view(np.uint8), connectivity=26).astype(np.int32)
     kept = np.bincount(pieces.reshape(-1)) >= least
     kept[0] = False
     names = np.where(kept, len(streaks) - 1 + np.cumsum(kept), 0).astype(np.int32)

@@ -211,7 +211,7 @@ def _with_sheets(
     fewest: int,
 ) -> NDArray[np.int32] | None:
     """Flood from the thick core and from every wide thin piece; None where there is no such."""
-    pieces, count = cc3d.connected_components(thin, connectivity=26, return_N=True)
+    pieces, count = cc3d.connected_components(thin.view(np.uint8), connectivity=26, return_N=True)
     sizes = np.bincount(pieces.reshape(-1), minlength=count + 1)
     seeds = core.astype(np.int32)
     name = 1

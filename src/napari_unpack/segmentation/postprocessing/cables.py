@@ -73,7 +73,7 @@ def gather_cables(
     wide = np.zeros_like(lines)
     # No line lies on the volume's border.
     wide.reshape(-1)[found[:, None] + _offsets(lines.shape, 1)] = True
-    bundles = cc3d.connected_components(wide, connectivity=26).astype(np.int32)
+    bundles = cc3d.connected_components(wide.view(np.uint8), connectivity=26).astype(np.int32)
     boxes = label_boxes(bundles)
     one, other = bundles.reshape(-1)[found], labels.reshape(-1)[found]
     middles = np.bincount(one, minlength=int(bundles.max()) + 1)
@@ -149,7 +149,7 @@ def _going_on(
 ) -> NDArray[np.int64]:
     """Return the cables most of whose middle lines go on in another: strands of one cable."""
     # Lines of cables that merely touch lie two radii apart, and are not connected.
-    threads = cc3d.connected_components(lines, connectivity=26)
+    threads = cc3d.connected_components(lines.view(np.uint8), connectivity=26)
     kept = np.bincount(threads[lines & (labels == keeper)], minlength=int(threads.max()) + 1)
     others = [int(w) for w in cables if w != keeper]
     shared = {w: kept[threads[lines & (labels == w)]] >= LEAST_SHARED_LINE for w in others}
