@@ -105,6 +105,11 @@ def untyped(tree: ast.AST, known: frozenset[str]) -> list[int]:
     return lines
 
 
+def called(node: ast.Call) -> str:
+    """Return the last name of what is called, nothing where that is no name."""
+    return str(getattr(node.func, "attr", getattr(node.func, "id", "")))
+
+
 def private_reads(tree: ast.AST) -> list[int]:
     """Return the lines that read or replace a private attribute of another object."""
     lines = []
@@ -113,7 +118,7 @@ def private_reads(tree: ast.AST) -> list[int]:
             name = node.attr
             if isinstance(node.value, ast.Name) and node.value.id in ("self", "cls"):
                 continue
-        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("attr"):
+        elif isinstance(node, ast.Call) and called(node).endswith("attr"):
             given = node.args[1] if len(node.args) > 1 else None
             name = str(given.value) if isinstance(given, ast.Constant) else ""
         else:
@@ -132,14 +137,15 @@ THEIR_DATA = frozenset({"background_color_override"})
 
 def replacements(tree: ast.Module) -> Iterator[int]:
     """Return the lines that set or delete an attribute of an object or class of napari or vispy."""
+    nodes = list(ast.walk(tree))
     imported = {
         (alias.asname or alias.name).split(".")[0]
-        for node in ast.walk(tree)
+        for node in nodes
         if isinstance(node, ast.Import | ast.ImportFrom)
         for alias in node.names
         if (getattr(node, "module", None) or alias.name).split(".")[0] in {"napari", "vispy"}
     }
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Attribute) and not isinstance(node.ctx, ast.Load):
             held, name = node.value, node.attr
         elif isinstance(node, ast.Call) and getattr(node.func, "id", "") in {"setattr", "delattr"}:

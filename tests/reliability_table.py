@@ -6,6 +6,7 @@ each name, parameters counted. Ends with status 1 where a name has none.
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -49,8 +50,16 @@ def _named(cell: str) -> list[tuple[Path, str]]:
 
 def counted(paths: set[Path]) -> Counter[tuple[Path, str]]:
     """Return how many tests pytest finds, by file and function."""
-    command = (sys.executable, "-m", "pytest", "--collect-only", "-q", *map(str, sorted(paths)))
-    said = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False).stdout
+    words = ("-m", "pytest", "-p", "pytest_timeout", "--collect-only", "-q")
+    said = subprocess.run(
+        (sys.executable, *words, *map(str, sorted(paths))),
+        cwd=ROOT,
+        # Plugins of pytest take seconds to load. Marks of one are known by its name above.
+        env=os.environ | {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    ).stdout
     found: Counter[tuple[Path, str]] = Counter()
     for file, function in re.findall(r"^([\w/]+\.py)::(\w+)", said, re.MULTILINE):
         found[ROOT / file, function] += 1

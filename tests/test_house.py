@@ -1,9 +1,13 @@
 """The house rules that linters cannot see."""
 
 import ast
+import gc
 import re
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+
+import pytest
 
 import napari_unpack as nu
 import retired
@@ -40,8 +44,8 @@ KNOWN = frozenset(
 
 # Limits of what review forgets. Lower them as the code gets there; modules and lines rise only
 # with features and faults that are mended, in the commit that ends them.
-MODULES = 404
-LINES = 82300
+MODULES = 405
+LINES = 82450
 LARGE_CLASSES = 2
 COMMENTS_PER_100_LINES = 3
 UNTYPED = 5
@@ -49,6 +53,16 @@ PRIVATE_READS = 10
 TIMER_MODULES = 1
 WITHOUT_PARAMETERS = 0
 WITHOUT_RAISES = 0
+
+
+@pytest.fixture(scope="module", autouse=True)
+def collector_off_the_trees() -> Iterator[None]:
+    """Keep the garbage collector off the trees, each of which is thousands of objects."""
+    gc.disable()
+    yield
+    # Nor are later tests to pay for them.
+    _tree.cache_clear()
+    gc.enable()
 
 
 def _relative(path: Path) -> str:

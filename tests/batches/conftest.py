@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,12 @@ import pytest
 from dask_pair import Pair, make_bag
 
 from napari_unpack.batches.cluster import cluster_client
+
+# The processes of every cluster read it as they start. A worker that waits looks a hundred times a
+# second at what it does, and each process fifty times at its own clock: the pair took a seventh of
+# a core until the last of all tests.
+for name, value in {"WORKER__PROFILE__ENABLED": "False", "ADMIN__TICK__INTERVAL": "500ms"}.items():
+    os.environ.setdefault(f"DASK_DISTRIBUTED__{name}", value)
 
 
 @pytest.fixture(scope="session")

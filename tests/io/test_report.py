@@ -14,7 +14,13 @@ import pytest
 
 import napari_unpack as nu
 from napari_unpack.geometry.length_unit import MICRO, LengthUnit
-from napari_unpack.io import save_interactive_page, save_measurements_csv, save_objects_page
+from napari_unpack.io import (
+    interactive_page,
+    report,
+    save_interactive_page,
+    save_measurements_csv,
+    save_objects_page,
+)
 from napari_unpack.io.report import save_objects_csv
 from napari_unpack.io.table_page import number_cell
 from napari_unpack.session.measurements import SurfacePoint
@@ -79,6 +85,14 @@ def page(tmp_path_factory) -> tuple[str, Cells, nu.Session]:
     return text, cells, session
 
 
+@pytest.fixture
+def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw small pictures, where what they show is no matter."""
+    monkeypatch.setattr(report, "BAG", (60, 96))
+    monkeypatch.setattr(report, "SIDE", 24)
+    monkeypatch.setattr(interactive_page, "WINDOW", (144, 192))
+
+
 def test_it_needs_nothing_from_elsewhere(page):
     text, cells, _ = page
     assert "http" not in text
@@ -141,6 +155,7 @@ def test_another_suffix_is_refused(tmp_path):
         save_objects_page(None, tmp_path / "a.txt")
 
 
+@pytest.mark.usefixtures("small_pictures")
 def test_a_page_is_cancelled_before_any_of_its_objects_and_leaves_no_file(page, tmp_path):
     told: list[str] = []
 
@@ -164,6 +179,7 @@ def test_a_page_is_cancelled_before_any_of_its_objects_and_leaves_no_file(page, 
         assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.usefixtures("small_pictures")
 def test_nobody_is_sure_to_a_hundred_percent_as_in_the_panel(tmp_path):
     labels = np.zeros((12, 12, 24), np.uint16)
     labels[2:10, 2:10, 2:10], labels[2:10, 2:10, 14:22] = 1, 2
@@ -224,6 +240,7 @@ def test_columns_are_named_by_their_unit_and_those_in_mm_as_ever(
     assert table[f"isoperimetric_ratio_per_{suffix}"][1] == 8.0 / unit.per_mm
 
 
+@pytest.mark.usefixtures("small_pictures")
 def test_densities_of_a_scan_scaled_to_one_are_told_with_two_digits(tmp_path: Path) -> None:
     labels = np.zeros((12, 12, 24), np.uint16)
     labels[2:10, 2:10, 2:10], labels[2:10, 2:10, 14:22] = 1, 2
@@ -234,6 +251,7 @@ def test_densities_of_a_scan_scaled_to_one_are_told_with_two_digits(tmp_path: Pa
     assert [row[7] for row in cells.rows] == ["Mean density", "0.51", "0.031"]
 
 
+@pytest.mark.usefixtures("small_pictures")
 def test_what_a_table_does_not_say_is_empty_on_both_pages(tmp_path: Path) -> None:
     labels = np.zeros((12, 12, 24), np.uint16)
     labels[2:10, 2:10, 2:10], labels[2:10, 2:10, 14:22] = 1, 2

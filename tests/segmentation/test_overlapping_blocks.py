@@ -112,28 +112,28 @@ def test_a_crumb_is_dropped_where_the_block_beside_saw_no_object(first: int, kep
 @pytest.fixture
 def balls() -> tuple[NDArray[np.uint16], NDArray[np.int32]]:
     """Return balls of two densities in noisy air, all in one half of the volume."""
-    shape = (72, 72, 216)
+    shape = (56, 56, 168)
     at = np.indices(shape)
     truth = np.zeros(shape, np.int32)
     for n, center in enumerate(np.ndindex(2, 2, 3), start=1):
-        middle = np.array([18, 18, 18]) + 36 * np.array(center)
-        truth[((at - middle[:, None, None, None]) ** 2).sum(axis=0) < 13**2] = n
+        middle = np.array([14, 14, 14]) + 28 * np.array(center)
+        truth[((at - middle[:, None, None, None]) ** 2).sum(axis=0) < 10**2] = n
     densities = np.where(truth % 2, 1500, 1100) * (truth > 0)
     noise = np.random.default_rng(0).normal(60, 20, shape)
     return np.clip(noise + densities, 0, None).astype(np.uint16), truth
 
 
 def _in_small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pipeline, "WORKING_VOXELS", 400_000)
-    monkeypatch.setitem(find_in_blocks.__kwdefaults__, "most", 300_000)
-    monkeypatch.setitem(find_in_blocks.__kwdefaults__, "overlap", 32)
+    monkeypatch.setattr(pipeline, "WORKING_VOXELS", 200_000)
+    monkeypatch.setitem(find_in_blocks.__kwdefaults__, "most", 130_000)
+    monkeypatch.setitem(find_in_blocks.__kwdefaults__, "overlap", 24)
 
 
 @pytest.mark.parametrize("method", ["learned", "cuts"])
 def test_a_volume_with_many_things_is_segmented_in_blocks(monkeypatch, balls, method):
     volume, truth = balls
     _in_small_blocks(monkeypatch)
-    places = overlapping_blocks(volume.shape, 300_000, 32)
+    places = overlapping_blocks(volume.shape, 130_000, 24)
     # Balls are cut by blocks, and a block has nothing but noise.
     assert len(places) > 4
     whole = np.bincount(truth.reshape(-1))
@@ -156,17 +156,17 @@ def test_a_volume_with_many_things_is_segmented_in_blocks(monkeypatch, balls, me
 
 def test_a_table_is_told_from_a_board_by_the_whole_volume(monkeypatch):
     _in_small_blocks(monkeypatch)
-    most = 72 * 110 * 110
+    most = 48 * 72 * 76
     monkeypatch.setitem(find_in_blocks.__kwdefaults__, "most", most)
-    truth = np.zeros((72, 110, 260), np.int32)
+    truth = np.zeros((48, 72, 176), np.int32)
     # It goes on at both ends of the block in the middle, as a table does, but not of the volume.
-    truth[8:12, 14:80, 60:200] = 1
-    truth[20:52, 8:50, 130:240] = 2
-    truth[20:52, 56:100, 20:140] = 3
+    truth[5:9, 10:54, 42:134] = 1
+    truth[14:36, 6:34, 88:162] = 2
+    truth[14:36, 38:66, 14:94] = 3
     table = np.zeros(truth.shape, np.bool_)
-    table[60:63, 20:90] = True
-    _, middle, _ = overlapping_blocks(truth.shape, most, 32)
-    assert 60 < middle.box[2].start < middle.box[2].stop < 200
+    table[40:43, 14:60] = True
+    _, middle, _ = overlapping_blocks(truth.shape, most, 24)
+    assert 42 < middle.box[2].start < middle.box[2].stop < 134
     densities = np.where(truth > 0, 1300, 0) + np.where(table, 900, 0)
     noise = np.random.default_rng(0).normal(60, 20, truth.shape)
     volume = np.clip(noise + densities, 0, None).astype(np.uint16)
@@ -177,7 +177,7 @@ def test_a_table_is_told_from_a_board_by_the_whole_volume(monkeypatch):
         return find_in_blocks(density, _spacing, find, *_)
 
     monkeypatch.setattr(pipeline, "find_in_blocks", looked_at)
-    found = nu.segment(volume, (2.0, 2.0, 2.0), working=10**7).labels
+    found = nu.segment(volume, (3.0, 3.0, 3.0), working=10**7).labels
     ((density, options),) = given
     assert not options.supports
     assert (density[table] < 200).all()
@@ -192,18 +192,16 @@ def test_a_table_is_told_from_a_board_by_the_whole_volume(monkeypatch):
 
 def test_blocks_of_noise_alone_are_nothing_and_say_so(monkeypatch):
     _in_small_blocks(monkeypatch)
-    noise = np.random.default_rng(1).normal(60, 20, (72, 72, 100)).astype(np.float32)
+    noise = np.random.default_rng(1).normal(60, 20, (56, 56, 90)).astype(np.float32)
     with pytest.raises(ValueError, match="nothing found"):
         nu.segment(noise, MM, working=10**7, foreground=400.0)
 
 
 def test_a_grid_for_which_there_is_no_memory_is_refused_before_it_is_made(monkeypatch, balls):
     _in_small_blocks(monkeypatch)
-    monkeypatch.setattr(large_volumes, "WORKING_VOXELS", 400_000)
+    monkeypatch.setattr(large_volumes, "WORKING_VOXELS", 200_000)
     monkeypatch.setattr(memory, "free_memory", lambda: 10**6)
-    with pytest.raises(
-        ValueError, match=r"finding objects in 1,119,744 cells needs .* smaller wor"
-    ):
+    with pytest.raises(ValueError, match=r"finding objects in 526,848 cells needs .* smaller wor"):
         nu.segment(balls[0], MM, working=10**7)
 
 

@@ -1,4 +1,4 @@
-"""The second generator keeps its promises, and bags of both are segmented not too badly."""
+"""The second generator keeps its promises, and its bags are segmented not too badly."""
 
 import ast
 import sys
@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.second_generator import second_bag, touching
 
-from napari_unpack import score, segment, simulate_bag
+from napari_unpack import score, segment
 
 ROOT = Path(__file__).parents[2]
 SMALL = (72, 80, 88)
@@ -65,9 +65,7 @@ def test_a_seed_gives_one_bag_and_another_another() -> None:
     assert not np.array_equal(one.labels, other.labels)
 
 
-def test_a_bag_of_each_generator_is_segmented_above_a_floor() -> None:
-    # Floors stand well under what was measured (0.52 and 0.78); they catch collapses.
-    second = second_bag(101)
-    assert score(second.labels, segment(second.volume).labels)["f1"] >= 0.4
-    first = simulate_bag(9112, SMALL, 10)
-    assert score(first.labels, segment(first.volume).labels)["f1"] >= 0.6
+def test_a_bag_is_segmented_above_a_floor() -> None:
+    # Well under what was measured (0.83): it catches collapses.
+    bag = second_bag(101, SMALL, 14)
+    assert score(bag.labels, segment(bag.volume).labels)["f1"] >= 0.65

@@ -56,7 +56,12 @@ def out_on_disk() -> int:
 
 def another_napari(does: str, errors: int | None = None) -> subprocess.Popen[str]:
     """Start a process that does what a function of `killed_napari` does."""
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(Path(__file__).parents[1]),
+        # To compile what colours labels would take each of them seconds.
+        "NAPARI_COLORMAP_BACKEND": "pure_python",
+    }
     call = does if "(" in does else f"{does}()"
     # A crash that comes once in a hundred runs says where it was.
     command = [
