@@ -314,6 +314,10 @@ def test_a_turntable_shows_the_session_as_it_stands_from_all_around(
     assert all(np.abs(a - b).max() > 40 for a, b in pairwise(frames))
     assert (told[0], told[-1]) == (0.0, 1.0)
     assert session.step == 1
+    # Where nothing is said: 720 lines, and 25 frames a second.
+    usual = movie(session, tmp_path / "usual", kind="turntable", turn_seconds=0.08, backend="cpu")
+    names = sorted(p.name for p in usual.iterdir())
+    assert (len(names), iio.imread(usual / names[0]).shape) == (2, (720, 960, 3))
     # The same folder may be filmed into again, another may not.
     movie(session, path, size=(8, 8), fps=1, backend="cpu", kind="turntable", turn_seconds=2.0)
     assert len(list(path.iterdir())) == 2
