@@ -279,6 +279,16 @@ def test_a_large_volume_of_nothing_is_refused(value):
         segment(np.full((20, 20, 20), value), MM, working=500)
 
 
+@pytest.mark.parametrize("given", [{"method": "cuts"}, {"working": 20_000}])
+def test_the_slow_method_and_a_size_that_is_asked_for_stay_on_one_grid(monkeypatch, given):
+    monkeypatch.setattr(pipeline, "WORKING_VOXELS", 20_000)
+    monkeypatch.setattr(large_volumes, "finer_grid", lambda *_: pytest.fail("looked closer"))
+    volume = scanned(*packed_shapes())
+    assert len(segment(volume, MM, **given).objects) > 1
+    with pytest.raises(pytest.fail.Exception, match="looked closer"):
+        segment(volume, MM)
+
+
 def test_cancelling_stops_the_threads_that_refine(monkeypatch):
     truth, densities = packed_shapes()
     stored = Stored(scanned(truth, densities), 4_000)

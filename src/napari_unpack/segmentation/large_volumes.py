@@ -233,7 +233,8 @@ def _left_out(
     mask, _ = find_foreground(grid.density, grid.spacing, foreground, share)
     mask &= labels == 0
     # What is in too few cells to show a shape may be an object at full resolution.
-    left_out = np.asarray(cc3d.dust(mask, threshold=MIN_OBJECT_VOXELS, connectivity=26), np.bool_)
+    specks = mask.view(np.uint8)
+    left_out = np.asarray(cc3d.dust(specks, threshold=MIN_OBJECT_VOXELS, connectivity=26), np.bool_)
     section = measured_section(grid.density)
     if section is not None:
         left_out |= (labels == 0) & ~section

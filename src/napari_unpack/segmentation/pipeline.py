@@ -201,8 +201,8 @@ def segment(
         Larger volumes are reduced to so many voxels at most, on which the objects are found;
         their labels are then refined to full resolution; see `large_volumes`. By default 16
         million, but up to 128 million for objects too small to be told apart on these, such as the
-        beads of a large jar; see `finer_grid`. More than 16 million are looked at in blocks that
-        overlap; see `overlapping_blocks`.
+        beads of a large jar, with method "learned"; see `finer_grid`. More than 16 million are
+        looked at in blocks that overlap; see `overlapping_blocks`.
     out : (Z, Y, X) array of int, optional
         Where labels are written and which is then `.labels`: an ndarray, memory map or zarr
         array. By default a new ndarray of int32.
@@ -275,6 +275,9 @@ def _segmented(
         reading = workers.run if workers else run_on_threads
         looking = workers.run if workers else run_in_turn
         find = partial(_segment_grid, options=wanted, run=looking)
+        # Nobody waits for "cuts" on so many.
+        closer = working is None and wanted.method != "cuts"
+        finest = FINEST * WORKING_VOXELS if closer else most
         fewest = int(max(wanted.smallest / float(np.prod(size)), MIN_OBJECT_VOXELS))
         with read_once(source) as near:
             labels, table = segment_large(
@@ -283,7 +286,7 @@ def _segmented(
                 find,
                 share,
                 working=most,
-                finest=FINEST * WORKING_VOXELS if working is None else most,
+                finest=finest,
                 foreground=wanted.foreground.method,
                 grainy=wanted.grainy,
                 fewest=fewest,
