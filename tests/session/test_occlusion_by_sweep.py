@@ -57,18 +57,18 @@ def agreement(directions: np.ndarray, rule: str) -> tuple[int, int, int]:
 
 @pytest.mark.parametrize(("name", "least"), [("axes", 1.0), ("oblique", 0.99)])
 def test_free_is_what_a_sweep_of_the_voxels_says(name, least, record_property) -> None:
-    directions = np.array(list(AXES.values())) if name == "axes" else oblique(10)
+    directions = np.array(list(AXES.values())) if name == "axes" else oblique(20)
     hit, wrong, missed = agreement(directions, "exact")
     assert hit > 50
     assert hit / (hit + wrong) >= least
     assert hit / (hit + missed) >= least
     # The paper's rule, reported beside it, calls more objects free than can be pulled out.
-    paper = agreement(directions[:: 1 if name == "axes" else 5], "first_hit")
+    paper = agreement(directions[:: 1 if name == "axes" else 10], "first_hit")
     record_property("first_hit: right, wrong, missed", paper)
     assert paper[1] > 0
 
 
-@pytest.mark.parametrize("seed", SEEDS[::2])
+@pytest.mark.parametrize("seed", SEEDS)
 def test_what_must_leave_before_an_object_is_what_a_sweep_of_the_voxels_says(seed) -> None:
     (direction,) = oblique(40)[[30 + seed]]
     labels, spacing = bag(seed).labels, bag(seed).spacing

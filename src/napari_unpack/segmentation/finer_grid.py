@@ -70,12 +70,19 @@ def finer_grid(
     size = _typical_size(found)
     if size > SMALLER * _typical_size(labels[cells]) * prod(factors):
         return None
-    for voxels in range(max(1, size // LEAST_CELLS), 0, -1):
-        wanted = min(most, ceil(source.size / voxels))
-        finer = prod(reduction(source.shape, spacing, wanted))
-        if finer <= voxels or wanted == most:
-            break
-    return wanted if finer < prod(factors) else None
+    wanted = _cells_wanted(source.shape, spacing, max(1, size // LEAST_CELLS), most)
+    finer = prod(reduction(source.shape, spacing, wanted)) < prod(factors)
+    return wanted if finer else None
+
+
+def _cells_wanted(shape: tuple[int, int, int], spacing: Spacing, voxels: int, most: int) -> int:
+    """Return the fewest cells of which none has more voxels than that, or the most there may be."""
+    # Factors are whole numbers: a grid may have far fewer cells than it is allowed.
+    for n in range(voxels, 0, -1):
+        cells = min(most, ceil(prod(shape) / n))
+        if prod(reduction(shape, spacing, cells)) <= voxels:
+            return cells
+    return most
 
 
 def _typical_size(labels: NDArray[np.int32]) -> int:

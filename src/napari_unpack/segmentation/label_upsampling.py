@@ -14,12 +14,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-import cc3d
 import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.array_source import Box, Source, grown, within
+from napari_unpack.segmentation.common.mask_components import mask_components
 from napari_unpack.segmentation.foreground.thresholds import Levels
 from napari_unpack.segmentation.working_grid import Factors
 from napari_unpack.tasks import SILENT, Share
@@ -395,10 +395,7 @@ def named_things(
         cells (26 neighbours) hold enough voxels; else of the object they touch most; else 0.
     """
     # Two thin things that pass through neighbouring cells are one here.
-    # As bytes: cc3d 4.1 stumbles over a mask of bool in a row of cells.
-    mask = (unexplained > 0).view(np.uint8)
-    found, count = cc3d.connected_components(mask, connectivity=26, return_N=True)
-    pieces: NDArray[np.int32] = found.astype(np.int32)
+    pieces, count = mask_components(unexplained > 0)
     owner = np.zeros(count + 1, np.int32)
     if not count:
         return pieces

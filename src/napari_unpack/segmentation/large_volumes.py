@@ -109,8 +109,8 @@ def segment_large(
     levels = foreground_levels(grid.sample, foreground)
     labels = find(grid.density, grid.spacing, share.part(0.03, 0.55, "Looking at the volume"))
     # Half of it: several may be at work.
-    most = min(finest, int(free_memory()) // (2 * GRID_BYTES))
-    if working < most > labels.size:
+    most = min(finest, free_memory() // (2 * GRID_BYTES))
+    if most > working:
         closer = share.part(0.55, 0.58, "Looking closer at a part")
         finer = finer_grid(source, spacing, labels, grid.factors, find, most, closer)
         if finer is not None:
@@ -233,6 +233,7 @@ def _left_out(
     mask, _ = find_foreground(grid.density, grid.spacing, foreground, share)
     mask &= labels == 0
     # What is in too few cells to show a shape may be an object at full resolution.
+    # As bytes: see `mask_components`.
     specks = mask.view(np.uint8)
     left_out = np.asarray(cc3d.dust(specks, threshold=MIN_OBJECT_VOXELS, connectivity=26), np.bool_)
     section = measured_section(grid.density)

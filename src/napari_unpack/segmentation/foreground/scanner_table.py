@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_closing, binary_dilation, maximum_filter1d
 
 from napari_unpack.kernels import njit
+from napari_unpack.segmentation.common.mask_components import mask_components
 from napari_unpack.segmentation.common.validation import Spacing
 
 # Voxels around a table that are its blur: a scan blurs its edges over two.
@@ -199,9 +200,7 @@ def _beyond(
 def _thin_and_wide(share: NDArray[np.float32], spacing: tuple[float, float]) -> NDArray[np.bool_]:
     """Return the pixels of persistent thin pieces, with what is half as persistent beside them."""
     section = share >= PERSISTENCE
-    # As bytes: of a mask of bool, cc3d 4.1 leaves whatever the memory held in some pixels outside.
-    bytes_of_it = section.view(np.uint8)
-    pieces, count = cc3d.connected_components(bytes_of_it, connectivity=8, return_N=True)
+    pieces, count = mask_components(section)
     keep = np.zeros(count + 1, np.bool_)
     depth = edt.edt(section, anisotropy=spacing, black_border=False)
     for piece in range(1, count + 1):

@@ -6,12 +6,12 @@ streak fades, and ends where it falls below the level that tells foreground from
 
 from __future__ import annotations
 
-import cc3d
 import numpy as np
 from numpy.typing import NDArray
 
 from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.density_regions import SOLID_METAL, DensityScale
+from napari_unpack.segmentation.common.mask_components import mask_components
 from napari_unpack.segmentation.foreground.thresholds import Levels
 
 STEP = 0.75
@@ -83,7 +83,7 @@ def without_streaks(
     """
     dropped = streaks[labels]
     solid = dropped & (density > scale.air + np.expm1(SOLID_METAL) * scale.knee)
-    pieces = cc3d.connected_components(solid.view(np.uint8), connectivity=26).astype(np.int32)
+    pieces, _ = mask_components(solid)
     kept = np.bincount(pieces.reshape(-1)) >= least
     kept[0] = False
     names = np.where(kept, len(streaks) - 1 + np.cumsum(kept), 0).astype(np.int32)

@@ -18,6 +18,7 @@ from scipy.ndimage import distance_transform_cdt, gaussian_filter
 
 from napari_unpack.geometry.relabeling import numbered
 from napari_unpack.segmentation.common.flooding import flood
+from napari_unpack.segmentation.common.mask_components import mask_components
 from napari_unpack.segmentation.common.measures import chamfer_depth
 from napari_unpack.segmentation.common.region import Region
 from napari_unpack.segmentation.isoperimetric.distance_tree import (
@@ -211,7 +212,7 @@ def _with_sheets(
     fewest: int,
 ) -> NDArray[np.int32] | None:
     """Flood from the thick core and from every wide thin piece; None where there is no such."""
-    pieces, count = cc3d.connected_components(thin.view(np.uint8), connectivity=26, return_N=True)
+    pieces, count = mask_components(thin)
     sizes = np.bincount(pieces.reshape(-1), minlength=count + 1)
     seeds = core.astype(np.int32)
     name = 1

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cc3d
 import edt
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +10,7 @@ from napari_unpack.geometry.boxes import label_boxes
 from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.array_source import grown, strides_of
 from napari_unpack.segmentation.common.density_regions import SOLID_METAL, DensityScale
+from napari_unpack.segmentation.common.mask_components import mask_components
 from napari_unpack.segmentation.foreground.methods import typical_knee
 from napari_unpack.tasks import SILENT, Share
 
@@ -73,7 +73,7 @@ def gather_cables(
     wide = np.zeros_like(lines)
     # No line lies on the volume's border.
     wide.reshape(-1)[found[:, None] + _offsets(lines.shape, 1)] = True
-    bundles = cc3d.connected_components(wide.view(np.uint8), connectivity=26).astype(np.int32)
+    bundles, _ = mask_components(wide)
     boxes = label_boxes(bundles)
     one, other = bundles.reshape(-1)[found], labels.reshape(-1)[found]
     middles = np.bincount(one, minlength=int(bundles.max()) + 1)
@@ -149,7 +149,7 @@ def _going_on(
 ) -> NDArray[np.int64]:
     """Return the cables most of whose middle lines go on in another: strands of one cable."""
     # Lines of cables that merely touch lie two radii apart, and are not connected.
-    threads = cc3d.connected_components(lines.view(np.uint8), connectivity=26)
+    threads, _ = mask_components(lines)
     kept = np.bincount(threads[lines & (labels == keeper)], minlength=int(threads.max()) + 1)
     others = [int(w) for w in cables if w != keeper]
     shared = {w: kept[threads[lines & (labels == w)]] >= LEAST_SHARED_LINE for w in others}
