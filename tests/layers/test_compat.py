@@ -73,7 +73,7 @@ def test_all_three_selected_can_be_linked_duplicated_hidden_and_deleted(make_nap
     assert len(viewer.layers) == 0
 
 
-def test_a_duplicate_is_a_points_layer_of_the_objects(make_napari_viewer) -> None:
+def test_a_duplicate_is_a_hidden_points_layer_of_the_objects(make_napari_viewer) -> None:
     viewer = make_napari_viewer()
     viewer.layers.extend(three_layers())
     viewer.layers.selection = {viewer.layers["Packed"]}
@@ -81,6 +81,7 @@ def test_a_duplicate_is_a_points_layer_of_the_objects(make_napari_viewer) -> Non
     duplicate.callback(viewer.layers)
     copy = viewer.layers["Packed copy"]
     assert isinstance(copy, Points)
+    assert not copy.visible
     np.testing.assert_array_equal(copy.data, [[4, 5, 6], [1, 2, 3]])
     np.testing.assert_allclose(copy.scale, [2, 1, 1])
 

@@ -583,10 +583,11 @@ class PictureLayer(Layer):
     def _get_state(self) -> dict[str, Any]:
         state = self._get_base_state()
         state.update(
-            # Our blending is for premultiplied colours, and our layers may be hidden when saved.
+            # Our blending is for premultiplied colours. Shown, the points would lie in the bag and
+            # come to light one by one, where objects have left.
             {} if self.table is None else self.table.state(),
             projection_mode="none",
-            visible=True,
+            visible=False,
             blending="translucent",
         )
         return state
