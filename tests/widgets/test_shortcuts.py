@@ -150,6 +150,21 @@ def test_undo_in_slices_takes_back_the_last_step_and_not_the_last_stroke(desk: D
     session.select([3])
     desk.press(Qt.Key.Key_Escape)
     assert not session.selected
+    two_presses_right_after_a_stroke_take_back_two_steps(desk, free)
+
+
+def two_presses_right_after_a_stroke_take_back_two_steps(desk: Desk, painted: Any) -> None:
+    labels, session = compat.unwrap(desk.labels), desk.session
+    other = tuple(np.argwhere(session.labels == 0)[0])
+    session.merge([1, 2])
+    labels.data_setitem(tuple(np.array([n]) for n in other), 3)
+    desk.press(Qt.Key.Key_Z, CONTROL)
+    assert labels.data[other] == 0
+    desk.press(Qt.Key.Key_Z, CONTROL)
+    desk.qtbot.waitUntil(lambda: session.ids == (1, 2, 3, 4, 5, 6), timeout=20000)
+    # napari's own second step would be the stroke of before the merge.
+    assert session.labels[painted] == labels.data[painted] == 2
+    assert session.labels[other] == labels.data[other] == 0
 
 
 def test_escape_leaves_a_drawn_polygon_first(desk: Desk) -> None:

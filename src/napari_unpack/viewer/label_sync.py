@@ -94,7 +94,7 @@ class LabelSync:
         _open.add(self)
         session.own_labels([layer.data for layer in self._layers if _is_array(layer)])
         self._seen, self._boxes = session.labels, session.boxes
-        self._writing = self._stroke = False
+        self._writing = self._stroke = self._took_back = False
         self._told: set[Labels] = set()
         for event in _edits(self._layers):
             event.connect(self._on_painted)
@@ -126,6 +126,18 @@ class LabelSync:
     def followed(self) -> tuple[Labels, ...]:
         """The layers on which a stroke of a brush is an edit."""
         return tuple(layer for layer in self._layers if self._followed(layer) is not None)
+
+    def take_back(self, layer: Labels) -> bool:
+        """Take a layer's last stroke back before it is compared; return whether that was done.
+
+        Once until the next stroke: an earlier one may be a step of the session already, and of
+        repairs that came between napari knows nothing.
+        """
+        if not self.pending or self._took_back:
+            return False
+        self._took_back = True
+        layer.undo()
+        return True
 
     def close(self) -> None:
         """Follow and show nothing more."""
@@ -166,7 +178,9 @@ class LabelSync:
         if followed is not None:
             self._told.discard(layer)
             self._painted = followed
-            self._stroke |= event.type != "set_data"
+            # Looking at another slice is no stroke, and neither is napari's undo.
+            if event.type != "set_data":
+                self._stroke, self._took_back = True, False
             self._wait()
         # Which is also raised when another slice is looked at.
         elif event.type != "set_data":

@@ -90,6 +90,10 @@ class RepairTools(QObject):
         asked = self._asked is not None or self._next is not None
         return not asked and self._label_sync is not None and self._label_sync.has_stroke
 
+    def take_back(self, layer: Labels) -> bool:
+        """Take back a stroke that is not compared yet; return whether that was done."""
+        return self._label_sync is not None and self._label_sync.take_back(layer)
+
     def once_done(self, then: Callable[[], None]) -> None:
         """Do something once the session holds all repairs and strokes; at once where it does."""
         self._waiting.append(then)

@@ -205,10 +205,12 @@ class Shortcuts:
 
         def undo() -> None:
             # napari's own would put back numbers of before a repair that came after the stroke.
-            if self._repair.comparing or layer not in self._repair.painted:
+            if layer not in self._repair.painted:
                 layer.undo()
-            else:
+            elif not self._repair.comparing:
                 self._undo()
+            elif not self._repair.take_back(layer):
+                self._repair.once_done(self._commands.undo)
 
         def redo() -> None:
             if self._repair.comparing or layer not in self._repair.painted:
