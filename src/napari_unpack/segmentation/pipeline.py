@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import binary_dilation
 
 from napari_unpack.geometry.axes import voxel_size
 from napari_unpack.segmentation.block_workers import BlockWorkers
@@ -19,6 +18,7 @@ from napari_unpack.segmentation.common.block_jobs import RunBlocks, run_in_turn,
 from napari_unpack.segmentation.common.density_regions import air_offset
 from napari_unpack.segmentation.common.joins import Steps
 from napari_unpack.segmentation.common.merging import absorb_fringes, absorb_small
+from napari_unpack.segmentation.common.morphology import dilate
 from napari_unpack.segmentation.common.region import (
     MIN_OBJECT_VOXELS,
     Oracle,
@@ -431,7 +431,7 @@ def _no_objects(
         mask = mask & section
     held = find_supports(mask, spacing) if supports else np.zeros_like(mask)
     if held.any():
-        aside |= binary_dilation(held, iterations=SUPPORT_RIM) & (held | ~mask)
+        aside |= dilate(held, iterations=SUPPORT_RIM) & (held | ~mask)
     return aside
 
 

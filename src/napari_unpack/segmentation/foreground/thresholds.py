@@ -219,11 +219,12 @@ def _peel(foreground, density, air, fraction, inner):  # type: ignore[no-untyped
                 if not rim:
                     continue
                 limit = air + (np.float64(density[z, y, x]) - air) / fraction
-                for n in range(27):
-                    k, j, i = z + n // 9 - 1, y + n // 3 % 3 - 1, x + n % 3 - 1
-                    inside = 0 <= k < depth and 0 <= j < height and 0 <= i < width
-                    if inside and density[k, j, i] > limit:
-                        inner[z, y, x] = False
+                denser = False
+                for k in range(max(z - 1, 0), min(z + 2, depth)):
+                    for j in range(max(y - 1, 0), min(y + 2, height)):
+                        for i in range(max(x - 1, 0), min(x + 2, width)):
+                            denser |= density[k, j, i] > limit
+                inner[z, y, x] = not denser
 
 
 def _thinned(volume: NDArray[np.generic]) -> NDArray[np.float64]:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import cc3d
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
 from napari_unpack.segmentation.common.flooding import flood
+from napari_unpack.segmentation.common.morphology import dilate
 from napari_unpack.segmentation.common.validation import Spacing
 
 
@@ -123,4 +123,4 @@ def _border(parts: NDArray[np.int32], width: int) -> NDArray[np.bool_]:
         moved = np.moveaxis(near, axis, 0)
         moved[1:] |= differ
         moved[:-1] |= differ
-    return np.asarray(binary_dilation(near, iterations=width))
+    return dilate(near, iterations=width)

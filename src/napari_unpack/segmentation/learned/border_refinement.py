@@ -12,11 +12,11 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
 from napari_unpack.kernels import njit
 from napari_unpack.segmentation.common.array_source import face_steps, framed
 from napari_unpack.segmentation.common.density_regions import label_means
+from napari_unpack.segmentation.common.morphology import dilate
 from napari_unpack.tasks import SILENT, Share, Slab
 
 # Of a voxel and its six neighbours.
@@ -159,7 +159,7 @@ def apply_moves(labels: NDArray[np.int32], moves: Iterable[Moves]) -> NDArray[np
         labels[*places.T] = names
         near[*(places.T // side)] = True
     # In blocks as long as that, whose neighbours hold all of it.
-    near = binary_dilation(near, np.ones((3, 3, 3)))
+    near = dilate(near, connectivity=3)
     z, y, x = labels.shape
     return near.repeat(side, axis=0)[:z].repeat(side, axis=1)[:, :y].repeat(side, axis=2)[..., :x]
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import cc3d
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
 from napari_unpack.segmentation.common.density_regions import (
     DensityScale,
@@ -24,6 +23,7 @@ from napari_unpack.segmentation.common.depths import label_depths
 from napari_unpack.segmentation.common.flooding import flood
 from napari_unpack.segmentation.common.joins import JoinLog, Level, Seen, Steps
 from napari_unpack.segmentation.common.merging import absorb_small
+from napari_unpack.segmentation.common.morphology import dilate
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS, fewest_voxels
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.segmentation.foreground.bag_shell import drop_skin, find_case, find_shell
@@ -142,7 +142,7 @@ def oversegment(
     scale = DensityScale(levels.air, knee)
     prediction = (network or default_boundaries()).predict(density, scale, share.part(0.05, 0.65))
     # A voxel far from all that is dense is no object, whatever the network predicts.
-    mask = binary_dilation(dense) & (prediction.foreground >= 255 * FOREGROUND)
+    mask = dilate(dense) & (prediction.foreground >= 255 * FOREGROUND)
     mask |= dense & (prediction.foreground >= 255 * DENSE)
     section = measured_section(density) if known is None else None
     if section is not None:
@@ -152,7 +152,7 @@ def oversegment(
         held = find_supports(dense, spacing)
         dense = dense & ~held
         # What is not dense beside a support is its blurred rim.
-        held = binary_dilation(held, iterations=SUPPORT_RIM)
+        held = dilate(held, iterations=SUPPORT_RIM)
         mask &= dense | ~held
     share(0.65, "Finding fragments")
     fragments = find_fragments(prediction.far, cells_with(mask))
@@ -177,7 +177,7 @@ def oversegment(
         parts = _above_mean(parts, (~held).astype(np.uint8), 0.5, drawing.part(0.6, 0.7))
     # A sharp corner belongs to its object even where the network doubts it.
     inside = parts > 0
-    around = inside | (dense & binary_dilation(inside))
+    around = inside | (dense & dilate(inside))
     parts = flood(parts, around, share=drawing.part(0.7, 1.0))
     missing = share.part(0.9, 1.0, "Looking for what the network missed")
     parts = with_missed(parts, dense, options.shell, spacing, missing.part(0.0, 0.5))

@@ -5,11 +5,11 @@ from __future__ import annotations
 import cc3d
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation, binary_erosion, generate_binary_structure
 
 from napari_unpack.geometry.boxes import Box, LabelBoxes, label_boxes
 from napari_unpack.geometry.relabeling import numbered
 from napari_unpack.segmentation.common.adjacency import find_neighbours
+from napari_unpack.segmentation.common.morphology import dilate, erode
 from napari_unpack.segmentation.common.region import MIN_OBJECT_VOXELS
 from napari_unpack.segmentation.common.validation import Spacing
 from napari_unpack.tasks import SILENT, Share
@@ -55,7 +55,7 @@ def fill_cavities(
         return filled
     # Opened by a voxel's 18 neighbours: gaps of up to two voxels close.
     wall = foreground | (filled > 0)
-    deep = _closed(binary_erosion(~wall, generate_binary_structure(3, 2), border_value=1))
+    deep = _closed(erode(~wall, connectivity=2))
     share(0.7)
     boxes, objects = label_boxes(deep), label_boxes(filled)
     for hole, voxels in zip(boxes.ids.tolist(), boxes.counts.tolist(), strict=True):
@@ -143,14 +143,14 @@ def _fill_leaky(
     `core` is the cavity less one voxel; the arrays are of its box and what is around it.
     """
     wall = wall | (labels > 0)
-    hole = binary_dilation(core, generate_binary_structure(3, 2)) & ~wall
+    hole = dilate(core, connectivity=2) & ~wall
     if not hole.any():
         # A cavity before it, with which a narrow gap joins it, took it in as a pit.
         return
     # Pits of a rough wall are no gaps in it; the air of what lies in the cavity is no pit.
     pits = _closed(~wall & ~hole)
     beside = np.zeros(int(pits.max()) + 1, np.bool_)
-    beside[pits[binary_dilation(hole)]] = True
+    beside[pits[dilate(hole)]] = True
     beside[0] = False
     hole |= beside[pits]
     top = int(labels.max(initial=0))
@@ -165,5 +165,5 @@ def _fill_leaky(
         and found.touched(name, unnamed) <= UNNAMED * surface
         and found.touched(name, other) >= WALLED * surface
     ):
-        around = binary_dilation(hole, np.ones((3, 3, 3)), WALL) & (parted == unnamed)
+        around = dilate(hole, connectivity=3, iterations=WALL) & (parted == unnamed)
         labels[hole | around] = other

@@ -5,10 +5,10 @@ from __future__ import annotations
 import cc3d
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
 from napari_unpack.segmentation.common.density_regions import label_means
 from napari_unpack.segmentation.common.depths import label_depths
+from napari_unpack.segmentation.common.morphology import dilate
 from napari_unpack.segmentation.common.validation import Spacing
 
 # Voxels that four times the mean depth of a fold, the thickness of a plate, is at most.
@@ -47,7 +47,7 @@ def bundle_folds(
     if not fold.any() or np.bincount(flat)[fold].sum() < PREVALENCE * np.count_nonzero(flat):
         return parts
     folds = fold[parts]
-    bundles = cc3d.connected_components(binary_dilation(folds), connectivity=6)
+    bundles = cc3d.connected_components(dilate(folds), connectivity=6)
     bundles[~folds] = 0
     owner = np.arange(top + 1, dtype=np.int32)
     first, second = bundles[folds].astype(np.int64), parts[folds].astype(np.int64)
