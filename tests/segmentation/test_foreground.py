@@ -9,6 +9,7 @@ from napari_unpack.segmentation.foreground.denoising import is_noisy
 from napari_unpack.segmentation.foreground.methods import checked_foreground, find_foreground
 from napari_unpack.segmentation.foreground.scanner_table import find_supports
 from napari_unpack.segmentation.foreground.thresholds import above_levels, find_levels, peel
+from napari_unpack.simulation import simulate_bag
 
 SHAPE = (32, 40, 48)
 
@@ -151,3 +152,13 @@ def test_noise_about_one_small_thing_is_air(air: float, correlated: float, side:
     # Its own blurred fringe is a voxel wide.
     assert found.sum() <= (side + 2) ** 3
     assert not is_noisy(volume)
+
+
+def test_a_bag_full_of_light_and_dense_things_is_not_parted_into_these():
+    # Otsu's two thresholds were both above most of its matter, and hardly any air was pure enough
+    # to measure its spread.
+    made = simulate_bag(seed=9944, shape=(64, 64, 88))
+    foreground, _ = find_foreground(made.volume, made.spacing, "hysteresis")
+    plain = (made.labels > 0) & (made.volume > 300)
+    assert foreground[plain].mean() > 0.9
+    assert foreground[made.labels == 0].mean() < 0.2
