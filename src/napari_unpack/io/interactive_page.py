@@ -241,11 +241,11 @@ def _paths(shown: Session, camera: Camera, group: Group) -> dict[int, NDArray[np
     flights = launch(shown.bag, placements, shown.slots, camera.stretch, 0.0, 1.0, False)
     paths = {}
     for i, flight in flights.items():
-        first, rows = flight.first_leg(camera), []
+        way, rows = flight.way_out(camera), []
         for fraction in np.linspace(0, 1, SAMPLES):
-            pose = flight.pose_at(float(fraction), camera)
+            pose = way.pose_at(float(fraction))
             turn = Rotation.from_matrix(_in_gl(pose.rotation)).as_quat(canonical=True)
-            left = ease(max(0.0, (float(fraction) - first) / (1 - first)))
+            left = ease((float(fraction) - way.first) / (1 - way.first))
             rows.append([*(GL_FROM_PIVOT @ pose.center), pose.scale, *turn, left])
         paths[i] = np.array(rows)
     return paths

@@ -10,6 +10,7 @@ it is clear of a ball around the bag, and then around the ball.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -236,40 +237,26 @@ class Flight:
         camera : Camera
             Whose pivot space it is.
         """
-        leaving, outside, first = self._legs(camera)
-        if fraction < first:
-            gone = (fraction / first) ** 2
-            center = (1 - gone) * leaving.center + gone * outside.center
-            return replace(leaving, center=center)
-        rest = (fraction - first) / (1.0 - first)
-        nearest = _nearest_depth(leaving, camera)
-        steps = np.linspace(0.0, 1.0, SAMPLES)
-        places = self._places(outside, camera, steps, nearest)
-        lengths = np.cumsum(np.linalg.norm(np.diff(places, axis=0, prepend=places[:1]), axis=1))
-        # What stands still all the way still turns and changes its size.
-        lengths += 1e-3 * self.around.radius * steps
-        # As fast as the first leg ends: (f / first)^2 of its length.
-        leg = float(np.linalg.norm(outside.center - leaving.center))
-        entry = 2.0 * leg / first * (1.0 - first) / lengths[-1] if first else 0.0
-        gone = _entered(rest, min(entry, FASTEST_ENTRY))
-        here = np.interp([gone * lengths[-1]], lengths, steps)
-        [place] = self._places(outside, camera, here, nearest)
-        turned = outside.toward(self.target, ease(rest))
-        # Small before it is there, large only once there: an object still large beside its slot
-        # would leave the window.
-        sized = 1.0 - (1.0 - gone) ** 2 if self.target.scale < 1.0 else gone**2
-        return replace(turned, center=place, scale=self.target.scale**sized)
+        return self.way_out(camera).pose_at(fraction)
 
-    def _places(
-        self, outside: Pose, camera: Camera, gone: NDArray[np.float64], nearest: float
-    ) -> NDArray[np.float64]:
-        """Return places on the second leg, (N, 3), pivot space mm."""
-        along = unit(camera.linear @ self.direction)
-        middle = packed_pose(self.around.center, camera).center
-        ends = outside.center, along, self.target.center
-        places = path_around_bag(*ends, middle, self.around.radius, gone)
-        places[:, 0] = np.minimum(places[:, 0], nearest)
-        return places
+    def way_out(self, camera: Camera) -> WayOut:
+        """Return the way out as a camera sees it, for many poses on it."""
+        leaving = packed_pose(self.box_center, camera)
+        outside = packed_pose(self.box_center, camera, self.direction * self.clear)
+        leg = outside.center - leaving.center
+        length = float(np.linalg.norm(leg))
+        room = _nearest_depth(leaving, camera) - leaving.center[0]
+        cut = 1.0
+        if leg[0] > room:
+            # Along D still, so that it meets nothing there.
+            cut = float(room / leg[0])
+            outside = replace(outside, center=leaving.center + cut * leg)
+        if length == 0.0:
+            return WayOut(self, camera, leaving, outside, 0.0)
+        # The same for all that leave together, wherever each is going.
+        share = length / (length + USUAL_SECOND_LEG * self.around.radius)
+        first = cut * float(np.clip(share, *SHARE_OF_FIRST_LEG))
+        return WayOut(self, camera, leaving, outside, first)
 
     def flatness(self, time: float, camera: Camera) -> float:
         """Return how flat it is seen: 0 in the bag, 1 at its slot, as its sprite is.
@@ -297,25 +284,7 @@ class Flight:
 
     def first_leg(self, camera: Camera) -> float:
         """Return the fraction of the way out at which it is clear of the bag's box."""
-        return self._legs(camera)[2]
-
-    def _legs(self, camera: Camera) -> tuple[Pose, Pose, float]:
-        """Return where the first leg begins and ends, and its share of the way out."""
-        leaving = packed_pose(self.box_center, camera)
-        outside = packed_pose(self.box_center, camera, self.direction * self.clear)
-        leg = outside.center - leaving.center
-        length = float(np.linalg.norm(leg))
-        room = _nearest_depth(leaving, camera) - leaving.center[0]
-        cut = 1.0
-        if leg[0] > room:
-            # Along D still, so that it meets nothing there.
-            cut = float(room / leg[0])
-            outside = replace(outside, center=leaving.center + cut * leg)
-        if length == 0.0:
-            return leaving, outside, 0.0
-        # The same for all that leave together, wherever each is going.
-        share = length / (length + USUAL_SECOND_LEG * self.around.radius)
-        return leaving, outside, cut * float(np.clip(share, *SHARE_OF_FIRST_LEG))
+        return self.way_out(camera).first
 
     def reversed(self, time: float) -> Flight:
         """Return the flight that turns round at this time, from where the object is then."""
@@ -350,6 +319,69 @@ class Flight:
             return replace(self, target=target, before=None)
         start = self.start if self.back else max(self.start, time - self.seconds / 2)
         return replace(self, target=target, start=start, before=self, sent=time)
+
+
+@dataclass(frozen=True, eq=False)
+class WayOut:
+    """A flight's two legs as one camera sees them; the second is measured once.
+
+    Parameters
+    ----------
+    flight : Flight
+    camera : Camera
+        Whose pivot space it is.
+    leaving, outside : Pose
+        Where the first leg begins and ends.
+    first : float
+        The first leg's share of the way.
+    """
+
+    flight: Flight
+    camera: Camera
+    leaving: Pose
+    outside: Pose
+    first: float
+
+    def pose_at(self, fraction: float) -> Pose:
+        """Return the pose at a fraction of the way: 0 packed, 1 at the target."""
+        leaving, outside, first = self.leaving, self.outside, self.first
+        if fraction < first:
+            gone = (fraction / first) ** 2
+            center = (1 - gone) * leaving.center + gone * outside.center
+            return replace(leaving, center=center)
+        rest = (fraction - first) / (1.0 - first)
+        steps, lengths = self._measured
+        # As fast as the first leg ends: (f / first)^2 of its length.
+        leg = float(np.linalg.norm(outside.center - leaving.center))
+        entry = 2.0 * leg / first * (1.0 - first) / lengths[-1] if first else 0.0
+        gone = _entered(rest, min(entry, FASTEST_ENTRY))
+        [place] = self._places(np.interp([gone * lengths[-1]], lengths, steps))
+        target = self.flight.target
+        turned = outside.toward(target, ease(rest))
+        # Small before it is there, large only once there: an object still large beside its slot
+        # would leave the window.
+        sized = 1.0 - (1.0 - gone) ** 2 if target.scale < 1.0 else gone**2
+        return replace(turned, center=place, scale=target.scale**sized)
+
+    @cached_property
+    def _measured(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Shares of the second leg, and how long the way is until each, mm."""
+        steps = np.linspace(0.0, 1.0, SAMPLES)
+        places = self._places(steps)
+        lengths = np.cumsum(np.linalg.norm(np.diff(places, axis=0, prepend=places[:1]), axis=1))
+        # What stands still all the way still turns and changes its size.
+        lengths += 1e-3 * self.flight.around.radius * steps
+        return steps, lengths
+
+    def _places(self, gone: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return places on the second leg, (N, 3), pivot space mm."""
+        flight, around = self.flight, self.flight.around
+        along = unit(self.camera.linear @ flight.direction)
+        middle = packed_pose(around.center, self.camera).center
+        ends = self.outside.center, along, flight.target.center
+        places = path_around_bag(*ends, middle, around.radius, gone)
+        places[:, 0] = np.minimum(places[:, 0], _nearest_depth(self.leaving, self.camera))
+        return places
 
 
 def _nearest_depth(leaving: Pose, camera: Camera) -> float:
