@@ -241,7 +241,7 @@ def _paths(shown: Session, camera: Camera, group: Group) -> dict[int, NDArray[np
     flights = launch(shown.bag, placements, shown.slots, camera.stretch, 0.0, 1.0, False)
     paths = {}
     for i, flight in flights.items():
-        way, rows = flight.way_out(camera), []
+        way, rows = flight.legs(camera), []
         for fraction in np.linspace(0, 1, SAMPLES):
             pose = way.pose_at(float(fraction))
             turn = Rotation.from_matrix(_in_gl(pose.rotation)).as_quat(canonical=True)

@@ -237,9 +237,9 @@ class Flight:
         camera : Camera
             Whose pivot space it is.
         """
-        return self.way_out(camera).pose_at(fraction)
+        return self.legs(camera).pose_at(fraction)
 
-    def way_out(self, camera: Camera) -> WayOut:
+    def legs(self, camera: Camera) -> Legs:
         """Return the way out as a camera sees it, for many poses on it."""
         leaving = packed_pose(self.box_center, camera)
         outside = packed_pose(self.box_center, camera, self.direction * self.clear)
@@ -252,11 +252,11 @@ class Flight:
             cut = float(room / leg[0])
             outside = replace(outside, center=leaving.center + cut * leg)
         if length == 0.0:
-            return WayOut(self, camera, leaving, outside, 0.0)
+            return Legs(self, camera, leaving, outside, 0.0)
         # The same for all that leave together, wherever each is going.
         share = length / (length + USUAL_SECOND_LEG * self.around.radius)
         first = cut * float(np.clip(share, *SHARE_OF_FIRST_LEG))
-        return WayOut(self, camera, leaving, outside, first)
+        return Legs(self, camera, leaving, outside, first)
 
     def flatness(self, time: float, camera: Camera) -> float:
         """Return how flat it is seen: 0 in the bag, 1 at its slot, as its sprite is.
@@ -284,7 +284,7 @@ class Flight:
 
     def first_leg(self, camera: Camera) -> float:
         """Return the fraction of the way out at which it is clear of the bag's box."""
-        return self.way_out(camera).first
+        return self.legs(camera).first
 
     def reversed(self, time: float) -> Flight:
         """Return the flight that turns round at this time, from where the object is then."""
@@ -322,7 +322,7 @@ class Flight:
 
 
 @dataclass(frozen=True, eq=False)
-class WayOut:
+class Legs:
     """A flight's two legs as one camera sees them; the second is measured once.
 
     Parameters
