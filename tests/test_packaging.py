@@ -108,12 +108,15 @@ def test_the_editable_install_finds_shaders_and_manifest() -> None:
     assert (importlib.resources.files("napari_unpack.shaders") / "passes").is_dir()
 
 
-def test_importing_the_package_loads_nothing_heavy(tmp_path: Path) -> None:
+@pytest.mark.parametrize("module", ["napari_unpack", "napari_unpack.batches.run"])
+def test_importing_the_package_or_what_runs_a_batch_loads_nothing_heavy(
+    module: str, tmp_path: Path
+) -> None:
     loaded = _run(
         sys.executable,
         "-c",
-        "import sys, napari_unpack; print([m for m in ('numba', 'scipy', 'napari', 'vispy', "
-        "'skimage', 'pandas') if m in sys.modules])",
+        f"import sys, {module}; print([m for m in ('numba', 'scipy', 'napari', 'vispy', "
+        "'skimage', 'pandas', 'networkx') if m in sys.modules])",
         cwd=tmp_path,
     )
     assert loaded.strip() == "[]"

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation, Slerp
 
 from napari_unpack.geometry.axes import Matrix, Vector, fixed, transform_points, unit
 from napari_unpack.geometry.view import Camera
@@ -36,6 +35,9 @@ def rotation_about(axis: ArrayLike, angle: float) -> Matrix:
     angle : float
         Radians.
     """
+    # Here, as it loads half a second's worth of SciPy, and whoever reads files needs no turns.
+    from scipy.spatial.transform import Rotation
+
     return Rotation.from_rotvec(unit(axis, "axis") * angle).as_matrix()
 
 
@@ -49,6 +51,8 @@ def slerp(first: Matrix, second: Matrix, fraction: float) -> Matrix:
     fraction : float
         0 gives the first, 1 the second.
     """
+    from scipy.spatial.transform import Rotation, Slerp
+
     both = Rotation.from_matrix(np.stack([first, second]))
     return Slerp([0.0, 1.0], both)(float(np.clip(fraction, 0.0, 1.0))).as_matrix()
 
