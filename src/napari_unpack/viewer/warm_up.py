@@ -56,14 +56,22 @@ def _tints() -> None:
 
 
 @cache
-def color_labels(kind: np.dtype[np.generic]) -> None:
-    """Have napari compile what colours labels of a type, in slices and in 3D; for workers."""
+def color_labels(kind: np.dtype[np.generic], count: int = 1) -> None:
+    """Have napari compile what colours labels of a type, in slices and in 3D; for workers.
+
+    Parameters
+    ----------
+    kind : dtype
+    count : int
+        How many objects: of many napari numbers the colours in 16 bits, which is other code.
+    """
     from napari_unpack.layers import compat
     from napari_unpack.layers.label_colormap import label_colormap
 
+    colors = label_colormap({i + 1: (i / count, 0, 0, 1) for i in range(count)}, np.zeros(4))
     for dimensions in (2, 3):
         labels = np.zeros((2,) * dimensions, kind)
-        compat.color_labels(label_colormap({1: np.ones(4)}, np.zeros(4)), labels)
+        compat.color_labels(colors, labels)
 
 
 @cache

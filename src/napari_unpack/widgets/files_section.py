@@ -233,7 +233,7 @@ def _opened(path: Path, large: bool, progress: Progress) -> _Opened:
 
     session = open_session(path, progress=progress, large=large)
     labels = given_labels(session)
-    color_labels(labels.dtype)
+    color_labels(labels.dtype, len(session.ids))
     # Here, in the worker: the layer's labels are not to be ours, and the bag's hull is found.
     session.own_labels([labels])
     # Without a height nobody has looked at it yet, as where a script saved it.

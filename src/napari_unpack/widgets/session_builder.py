@@ -130,7 +130,7 @@ def build(
         session.review.evidence = evidence
         session.view = View(direction=FROM_ABOVE, fov=GENTLE_FOV)
         session.tolerance = TOLERANCE
-        color_labels(ids.dtype)
+        color_labels(ids.dtype, len(session.ids))
         # Here, in the worker: the layer's labels are not to be ours, and the bag's hull is found.
         session.own_labels([given])
         fitted(session)
