@@ -35,7 +35,7 @@ class Frame:
 
     def same_as(self, other: Frame | None) -> bool:
         """Return whether another frame would show the same image at the same place."""
-        return (
+        return self is other or (
             other is not None
             and (self.size, self.corner) == (other.size, other.corner)
             and same_camera(self.camera, other.camera)

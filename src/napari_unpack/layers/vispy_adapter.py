@@ -41,6 +41,7 @@ class QuadsAdapter(PictureAdapter):
 
     def __init__(self, layer: PictureLayer, **kwargs: Any) -> None:
         super().__init__(layer, QuadsNode(), **kwargs)
+        self._seen: tuple[Any, Frame | None] = None, None
         self.node.before_draw = self._before_draw
         self.node.refused = layer.refused.emit
         # In another viewer as well, the layer stays with the first: two would fight for its camera.
@@ -70,21 +71,40 @@ class QuadsAdapter(PictureAdapter):
         if view is None or min(view.size) < 1:
             return None
         self.stand()
-        # napari's transform is of the data's axes in the order displayed, to the world's in that.
-        scene_from_world = matrix_of(self.node.transform) @ flip_matrix(
-            ordered(self.displayed) @ voxel_from_world(self.layer.spacing)
-        )
-        local = _ndc_from_pixels(view.size) @ matrix_of(view.scene.transform)
+        scale = float(getattr(view.canvas, "pixel_scale", 1.0))
+        size = max(1, round(view.size[1] * scale)), max(1, round(view.size[0] * scale))
+        corner = float(view.pos[1]) * scale, float(view.pos[0]) * scale
         try:
-            seen = camera_from_render(local, flip(view.camera.center))
-            camera = camera_in_session(seen, flip_matrix(scene_from_world))
-            scale = float(getattr(view.canvas, "pixel_scale", 1.0))
+            transforms = self.node.transform, view.scene.transform
+            whole = self.node.get_transform("scene", "render")
+            matrices = [matrix_of(one) for one in (*transforms, whole)]
+            key = (
+                b"".join(matrix.tobytes() for matrix in matrices),
+                (tuple(view.size), size, corner, tuple(view.camera.center)),
+                (tuple(self.displayed), tuple(self.layer.spacing)),
+            )
+            # Most draws are of what moves before a camera at rest.
+            if key != self._seen[0]:
+                self._seen = key, self._frame_of(view, matrices, size, corner)
         # A window of no height or width projects nothing; the next draw will.
         except (ValueError, ZeroDivisionError, np.linalg.LinAlgError):
             return None
-        whole = matrix_of(self.node.get_transform("scene", "render"))
-        size = max(1, round(view.size[1] * scale)), max(1, round(view.size[0] * scale))
-        corner = float(view.pos[1]) * scale, float(view.pos[0]) * scale
+        return self._seen[1]
+
+    def _frame_of(
+        self,
+        view: Any,
+        matrices: Sequence[Matrix],
+        size: tuple[int, int],
+        corner: tuple[float, float],
+    ) -> Frame:
+        node, scene, whole = matrices
+        # napari's transform is of the data's axes in the order displayed, to the world's in that.
+        scene_from_world = node @ flip_matrix(
+            ordered(self.displayed) @ voxel_from_world(self.layer.spacing)
+        )
+        seen = camera_from_render(_ndc_from_pixels(view.size) @ scene, flip(view.camera.center))
+        camera = camera_in_session(seen, flip_matrix(scene_from_world))
         return Frame(camera, size, clip_from_pivot(whole @ scene_from_world, camera), corner)
 
     def _clip_from_view(self) -> Matrix:
