@@ -33,6 +33,8 @@ def modules_and_manifests_read_once() -> Iterator[None]:
     for name in ("napari", "napari._qt.qt_viewer", "napari_unpack.widgets.unpacking_widget"):
         importlib.import_module(name)
     importlib.import_module("napari_unpack.viewer.controller")
+    # Else the first panel's worker loads it while a test of stalls watches the window.
+    importlib.import_module("napari_unpack.segmentation.pipeline")
     from napari.settings import get_settings
     from npe2 import PluginManifest
 
