@@ -44,8 +44,8 @@ KNOWN = frozenset(
 
 # Limits of what review forgets. Lower them as the code gets there; modules and lines rise only
 # with features and faults that are mended, in the commit that ends them.
-MODULES = 406
-LINES = 82500
+MODULES = 408
+LINES = 82850
 LARGE_CLASSES = 2
 COMMENTS_PER_100_LINES = 3
 UNTYPED = 5

@@ -192,7 +192,27 @@ def jar(shape: tuple[int, int, int], radius: float) -> tuple[np.ndarray, np.ndar
 def test_beads_that_touch_are_found_one_by_one_though_no_bag_has_so_many_small_things():
     volume, truth = jar((60, 60, 60), 6.5)
     # Merging parts, as in a bag, left less than 0.6 of it.
-    assert score(truth, segment(volume, oracle=sure).labels)["f1"] > 0.97
+    found = segment(volume, oracle=sure, working=volume.size)
+    assert score(truth, found.labels)["f1"] > 0.97
+
+
+def test_beads_too_small_for_their_voxels_are_looked_for_between_these():
+    volume, truth = jar((24, 40, 40), 4.2)
+    found = segment(volume, oracle=sure)
+    assert score(truth, found.labels)["f1"] > 0.9
+    assert found.evidence is not None
+    assert found.evidence.pieces.shape == volume.shape
+    as_it_is = segment(volume, oracle=sure, working=volume.size)
+    assert score(truth, as_it_is.labels)["f1"] < 0.2
+
+
+def test_beads_in_thick_slices_are_looked_for_between_these():
+    volume, truth = jar((42, 34, 34), 6.5)
+    thick = volume.reshape(14, 3, 34, 34).mean(axis=1).astype(np.uint16)
+    found = segment(thick, (3.0, 1.0, 1.0), oracle=sure)
+    assert score(truth[1::3], found.labels)["f1"] > 0.9
+    as_it_is = segment(thick, (3.0, 1.0, 1.0), oracle=sure, working=volume.size)
+    assert score(truth[1::3], as_it_is.labels)["f1"] < 0.2
 
 
 def test_beads_too_small_for_the_reduced_volume_are_looked_for_on_a_finer_one(monkeypatch):
@@ -207,7 +227,9 @@ def test_beads_too_small_for_the_reduced_volume_are_looked_for_on_a_finer_one(mo
 def test_beads_below_the_size_of_the_least_object_of_a_bag_stay_apart_unless_it_is_asked_for():
     # Of up to 460 voxels.
     volume, truth = jar((48, 48, 48), 4.8)
-    by_default, asked = (segment(volume, oracle=sure, smallest=s) for s in (None, 500.0))
+    by_default, asked = (
+        segment(volume, oracle=sure, smallest=s, working=volume.size) for s in (None, 500.0)
+    )
     assert len(by_default.objects) > 1.5 * len(asked.objects)
     # The network sees little in so few voxels.
     assert score(truth, by_default.labels)["f1"] > 2 * score(truth, asked.labels)["f1"]
