@@ -113,3 +113,22 @@ def test_the_depth_of_the_median_object():
         at = 12 * (name - 1)
         labels[box(labels.shape, (2, at, at), (2 + side, at + side, at + side))] = name
     assert typical_depth(labels) == pytest.approx(5)
+    # What goes on beyond the volume is not thin.
+    assert typical_depth(labels[8:9]) > 5
+
+
+def test_a_single_plane_stays_one_and_specks_that_are_none_on_closer_sight_are_kept():
+    volume = np.zeros((1, 20, 20), np.float32)
+    volume[0, 3:9, 3:9] = 1
+    labels, _, looked, _ = found(volume, (9.0, 1.0, 2.0))
+    assert looked == [((1, 20, 39), (9.0, 1.0, 1.0)), ((1, 39, 77), (9.0, 0.5, 0.5))]
+    np.testing.assert_array_equal(labels, volume)
+
+    def first_alone(density, spacing, share, *, noted):
+        if density.shape[1] > 20:
+            raise NothingFoundError("nothing")
+        return volume.astype(np.int32)
+
+    share = Share(lambda *_: None)
+    labels = find_magnified(volume, (1.0, 1.0, 1.0), first_alone, share, Steps())
+    np.testing.assert_array_equal(labels, volume)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from math import prod
 from typing import Protocol, TypeVar
@@ -84,17 +85,19 @@ def find_magnified(
     NothingFoundError
         If nothing is found.
     """
-    z, y, x = factors = _near_cubes(density.shape, spacing, most)
-    twice = 2 * z, 2 * y, 2 * x
+    factors = _near_cubes(density.shape, spacing, most)
+    z, y, x = (f if n == 1 else 2 * f for f, n in zip(factors, density.shape, strict=True))
+    twice = z, y, x
     # The second look takes eight times as long as the first.
     wanted = _cells(density.shape, twice)
     first = share.part(0.0, 0.15 if wanted <= most else 1.0)
     labels, steps = _found(density, spacing, find, factors, first)
-    if wanted <= most and typical_depth(labels) < (
-        LEAST_DEPTH if wanted <= most / 2 else LOST_DEPTH
-    ):
-        labels, steps = _found(density, spacing, find, twice, share.part(0.15, 1.0))
-        factors = twice
+    deep = LEAST_DEPTH if wanted <= most / 2 else LOST_DEPTH
+    if wanted <= most and typical_depth(labels) < deep:
+        # Specks that are nothing on closer sight are what there is.
+        with suppress(NothingFoundError):
+            labels, steps = _found(density, spacing, find, twice, share.part(0.15, 1.0))
+            factors = twice
     labels = rank_labels(at_voxels(labels, factors))
     noted.levels = [replace(level, names=at_voxels(level.names, factors)) for level in steps.levels]
     if steps.seen is not None:
@@ -155,9 +158,11 @@ def typical_depth(labels: NDArray[np.int32]) -> float:
     Parameters
     ----------
     labels : (Z, Y, X) ndarray of int32
-        0 is background; there is one object at least.
+        0 is background; there is one object at least. What goes on beyond the volume has no
+        surface there.
     """
-    deepest = maximum(label_depths(labels), labels, np.unique(labels[labels > 0]))
+    depths = label_depths(labels, black_border=False)
+    deepest = maximum(depths, labels, np.unique(labels[labels > 0]))
     return float(np.median(deepest))
 
 
@@ -171,8 +176,9 @@ def _found(
 
 def _near_cubes(shape: tuple[int, ...], spacing: Spacing, most: int) -> Factors:
     """Return how many cells a voxel is to have along each axis, so that cells are near cubes."""
-    finest = min(spacing)
-    wanted = [round(s / finest) for s in spacing]
+    sides = [s for s, n in zip(spacing, shape, strict=True) if n > 1]
+    finest = min(sides, default=1.0)
+    wanted = [1 if n == 1 else round(s / finest) for s, n in zip(spacing, shape, strict=True)]
     while _cells(shape, wanted) > most and max(wanted) > 1:
         wanted[int(np.argmax(wanted))] -= 1
     z, y, x = wanted

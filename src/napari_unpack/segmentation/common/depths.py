@@ -16,15 +16,19 @@ MOST_THREADS = 2
 
 
 def label_depths(
-    labels: NDArray[np.integer[Any]], spacing: Spacing = (1.0, 1.0, 1.0)
+    labels: NDArray[np.integer[Any]],
+    spacing: Spacing = (1.0, 1.0, 1.0),
+    black_border: bool = True,
 ) -> NDArray[np.float32]:
     """Return the distance of each voxel to the nearest of another label, mm.
 
     Parameters
     ----------
     labels : (Z, Y, X) ndarray of int
-        0 is background; beyond the volume there is background too.
+        0 is background.
     spacing : (float, float, float) of mm, z y x
+    black_border : bool
+        Beyond the volume there is background too.
 
     Returns
     -------
@@ -34,6 +38,6 @@ def label_depths(
     # All of Python waits for it: no longer than need be.
     threads = min(MOST_THREADS, thread_count())
     depths: NDArray[np.float32] = edt.edt(
-        labels, anisotropy=spacing, black_border=True, parallel=threads
+        labels, anisotropy=spacing, black_border=black_border, parallel=threads
     )
     return depths
