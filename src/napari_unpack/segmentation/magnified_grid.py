@@ -90,10 +90,13 @@ def find_magnified(
     twice = z, y, x
     # The second look takes eight times as long as the first.
     wanted = _cells(density.shape, twice)
-    first = share.part(0.0, 0.15 if wanted <= most else 1.0)
-    labels, steps = _found(density, spacing, find, factors, first)
+    room = wanted <= most
+    if room:
+        # Of one type at both looks: kernels are compiled by type.
+        density = density.astype(np.float32, copy=False)
+    labels, steps = _found(density, spacing, find, factors, share.part(0.0, 0.15 if room else 1.0))
     deep = LEAST_DEPTH if wanted <= most / 2 else LOST_DEPTH
-    if wanted <= most and typical_depth(labels) < deep:
+    if room and typical_depth(labels) < deep:
         # Specks that are nothing on closer sight are what there is.
         with suppress(NothingFoundError):
             labels, steps = _found(density, spacing, find, twice, share.part(0.15, 1.0))
