@@ -142,7 +142,8 @@ class BoundaryNetwork:
             inner = tuple(
                 slice(k.start - s.start, k.stop - s.start) for s, k in zip(seen, kept, strict=True)
             )
-            channels = channels[(slice(None), *inner)]
+            # Of one layout, for which the kernel is compiled once.
+            channels = np.ascontiguousarray(channels[(slice(None), *inner)])
             far[(slice(None), *kept)] = channels[32:]
             first = tuple(k.start for k in kept)
             _unpack(channels[:8], first, foreground)
