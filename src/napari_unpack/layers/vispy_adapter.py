@@ -71,10 +71,10 @@ class QuadsAdapter(PictureAdapter):
         if view is None or min(view.size) < 1:
             return None
         self.stand()
-        scale = float(getattr(view.canvas, "pixel_scale", 1.0))
-        size = max(1, round(view.size[1] * scale)), max(1, round(view.size[0] * scale))
-        corner = float(view.pos[1]) * scale, float(view.pos[0]) * scale
         try:
+            scale = float(getattr(view.canvas, "pixel_scale", 1.0))
+            size = max(1, round(view.size[1] * scale)), max(1, round(view.size[0] * scale))
+            corner = float(view.pos[1]) * scale, float(view.pos[0]) * scale
             transforms = self.node.transform, view.scene.transform
             whole = self.node.get_transform("scene", "render")
             matrices = [matrix_of(one) for one in (*transforms, whole)]
