@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
@@ -86,6 +86,8 @@ def test_any_spacing(spacing):
 
 @FEW
 @given(st.one_of(st.floats(), st.integers(-5, 5), st.text(max_size=8), st.none()))
+@example(3.5e38)
+@example(-3.5e38)
 def test_any_foreground(way):
     volume = np.random.default_rng(0).normal(0, 5, (12, 12, 12))
     volume[2:10, 2:10, 2:10] += 100

@@ -179,11 +179,13 @@ def above_levels(volume: NDArray[Any], levels: Levels) -> NDArray[np.bool_]:
     """
     import cc3d
 
-    weak = volume >= levels.low
+    # A level that float32 cannot hold is infinite there, and right.
+    with np.errstate(over="ignore"):
+        weak, dense = volume >= levels.low, volume >= levels.high
     if levels.high > levels.low:
         components, count = cc3d.connected_components(weak, connectivity=6, return_N=True)
         strong = np.zeros(count + 1, np.bool_)
-        strong[components[volume >= levels.high]] = True
+        strong[components[dense]] = True
         strong[0] = False
         weak = strong[components]
     if not weak.any():
