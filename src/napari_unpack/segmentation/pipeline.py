@@ -302,12 +302,10 @@ def _segmented(
     density = without_padding(density, padding_of(density))
     noted = Steps()
     finding = share.part(0.0, 0.95, "Reading the volume")
-    common, level = in_common_range(density, wanted.foreground.method)
-    leveled = replace(wanted, foreground=replace(wanted.foreground, method=level))
-    grainy = _hidden(common, leveled)
-    find = partial(_segment_grid, options=replace(leveled, grainy=grainy))
+    common, settled = _settled(density, wanted)
+    find = partial(_segment_cells, options=settled)
     # The paper's method takes minutes as it is; single grains of noise are no objects.
-    if working is None and wanted.method != "cuts" and not grainy:
+    if working is None and settled.method != "cuts" and not settled.grainy:
         labels = find_magnified(common, size, find, finding, noted)
     else:
         labels = find(common, size, finding, noted=noted)
@@ -328,13 +326,37 @@ def _segment_grid(
     spacing: Spacing,
     share: Share,
     options: SegmentOptions,
+    run: RunBlocks = run_in_turn,
+) -> NDArray[np.int32]:
+    """Find the objects of a reduced volume, named by size."""
+    common, settled = _settled(density, options)
+    return _segment_cells(common, spacing, share, settled, run=run)
+
+
+def _settled(
+    density: NDArray[np.generic], options: SegmentOptions
+) -> tuple[NDArray[np.generic], SegmentOptions]:
+    """Return densities that float32 can work with, and options that say whether they are grainy."""
+    density, level = in_common_range(density, options.foreground.method)
+    grainy = options.grainy
+    if grainy is None:
+        grainy = needs_denoising(density, level)
+    return density, replace(
+        options, foreground=replace(options.foreground, method=level), grainy=grainy
+    )
+
+
+def _segment_cells(
+    density: NDArray[np.generic],
+    spacing: Spacing,
+    share: Share,
+    options: SegmentOptions,
     noted: Steps | None = None,
     run: RunBlocks = run_in_turn,
 ) -> NDArray[np.int32]:
-    """Find the objects of a volume that fits into memory, named by size."""
-    density, level = in_common_range(density, options.foreground.method)
-    given, foreground = density, replace(options.foreground, method=level)
-    noisy = _hidden(density, replace(options, foreground=foreground))
+    """Find the objects of densities and options that are settled, named by size."""
+    given, foreground = density, options.foreground
+    noisy = bool(options.grainy)
     if noisy:
         clearing = share.part(0.0, 0.05, "Removing noise and haze")
         density = denoised(density, spacing, foreground.method, clearing)
@@ -344,7 +366,7 @@ def _segment_grid(
         begun = share.part(0.0, 0.05, "Finding the foreground")
         found = find_foreground(density, spacing, foreground.method, begun)
         foreground = replace(foreground, found=found)
-    cleared = replace(options, foreground=foreground, grainy=noisy)
+    cleared = replace(options, foreground=foreground)
     looking = share.part(0.05, 0.9 if noisy else 0.95)
     if density.size > WORKING_VOXELS:
         labels = _objects_in_blocks(density, spacing, looking, cleared, run)
@@ -371,13 +393,6 @@ def _segment_grid(
             "supports=False keep what was taken for the bag or the scanner's table"
         )
     return labels
-
-
-def _hidden(density: NDArray[np.generic], options: SegmentOptions) -> bool:
-    """Return whether noise or haze hide the objects: as was said, or as is measured."""
-    if options.grainy is None:
-        return needs_denoising(density, options.foreground.method)
-    return options.grainy
 
 
 def _objects(

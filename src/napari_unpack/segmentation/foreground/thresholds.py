@@ -17,6 +17,9 @@ MOST_SAMPLES = 4_000_000
 # Of them, those that may be broken: far below all others, they say nothing of air.
 BROKEN = 0.0005
 
+# Of the height of `high` above air, that of `low`.
+LOW_HEIGHT = 0.65
+
 # Of all voxels. With less, and a lower threshold within the noise, 5 to 83 objects were found about
 # a single thing; from 0.7 % on it was right. Nuclei fill 46 % above the upper threshold.
 LITTLE_FOREGROUND = 0.01
@@ -71,7 +74,7 @@ def find_levels(volume: NDArray[np.generic]) -> Levels:
     # above air are compressed by asinh, with its knee at a quarter of the median of what Otsu
     # calls dense, which gives cloth and metal comparable weight; the lower of two Otsu thresholds
     # is `high`, unless thin cloth needs less and six deviations of the background's noise allow
-    # it. `low` is 0.65 of it. At most 4 million voxels, evenly spread, are looked at.
+    # it. At most 4 million voxels, evenly spread, are looked at.
     grid = _thinned(volume)
     sample = _finite(grid)
     if len(sample) < 2 or sample.min() == sample.max():
@@ -81,9 +84,7 @@ def find_levels(volume: NDArray[np.generic]) -> Levels:
         top = float(sample.max())
     levels, white = _levels(sample, top, 0), noise_of_steps(grid)
     if _parts_matter(sample, levels, white):
-        return Levels(
-            levels.air, 2 * white, levels.air + 0.65 * PLAIN * white, levels.air + PLAIN * white
-        )
+        return _levels_of(levels.air, 2 * white, levels.air + PLAIN * white)
     # Of hardly any foreground the lower threshold parts the noise.
     if levels.high - levels.air < 3 * white:
         # All of it may lie above the quantile.
@@ -118,7 +119,11 @@ def _levels(sample: NDArray[np.float64], top: float, which: int) -> Levels:
     faint = sample[sample > air + 6 * noise]
     enough = max(6 * noise, 0.1 * (float(np.median(faint)) - air) if len(faint) else 0.0)
     high = min(high, air + enough)
-    return Levels(air, noise, air + 0.65 * (high - air), high)
+    return _levels_of(air, noise, high)
+
+
+def _levels_of(air: float, noise: float, high: float) -> Levels:
+    return Levels(air, noise, air + LOW_HEIGHT * (high - air), high)
 
 
 def _bottom(sample: NDArray[np.float64], top: float) -> float:
